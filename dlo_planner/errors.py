@@ -63,7 +63,9 @@ class Infeasible(DloPlannerError):
     constraint : str
         Short name of what is violated, e.g. 'stability'.
     amount : float
-        Size of the violation, in the unit of the constraint.
+        Size of the violation, in `unit`; the message ends with both.
+    unit : str
+        SI unit of the amount; '' for a ratio, as of stability.
     plan : Plan or None
         The plan up to that waypoint (`fraction` < 1), as evidence, or None.
     prove : callable or None
@@ -71,11 +73,12 @@ class Infeasible(DloPlannerError):
     """
 
     def __init__(self, message: str, waypoint: int, constraint: str, amount: float,
-                 plan: Any = None) -> None:
-        super().__init__(message)
+                 plan: Any = None, unit: str = 'm') -> None:
+        super().__init__(f'{message} ({constraint}, by {amount:.4g} {unit}'.rstrip() + ')')
         self.waypoint = waypoint
         self.constraint = constraint
         self.amount = amount
+        self.unit = unit
         self.plan = plan
         self.prove: Callable[[], str] | None = None
 

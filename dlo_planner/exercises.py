@@ -13,7 +13,7 @@ import numpy as np
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.step import corrected_by, past_of
+from dlo_planner.direct.statics import corrected_by, past_of
 from dlo_planner.execute.correction_checks import aimed_anew
 from dlo_planner.execute.limiter import frames_of, velocities
 from dlo_planner.execute.loop_motions import LoopTask, way_back, way_in, way_to_standoff

@@ -44,8 +44,8 @@ def main(args: list[str] | None = None) -> int:
 def prebuild(into: Path | None = None) -> Path:
     """Compile all kernels for any processor of this kind; return the folder they are in."""
     from dlo_planner import exercises  # noqa: PLC0415
-    from dlo_planner.kernels import folders  # noqa: PLC0415
-    folder = folders.IN_PACKAGE if into is None else into / folders.IN_PACKAGE.name
+    from dlo_planner.kernels import files  # noqa: PLC0415
+    folder = files.IN_PACKAGE if into is None else into / files.IN_PACKAGE.name
     folder.mkdir(parents=True, exist_ok=True)
     first, *others = range(len(exercises.ALL))
     with ProcessPoolExecutor(_PROCESSES, mp_context=get_context('spawn')) as pool:
@@ -60,13 +60,13 @@ def prebuild(into: Path | None = None) -> Path:
 
 def _use(folder: Path, exercise: int) -> set[str]:
     """Keep in a folder what an exercise needs; return how the names of valid files begin."""
-    from dlo_planner.kernels import cache, files, folders  # noqa: PLC0415
+    from dlo_planner.kernels import dispatcher, files  # noqa: PLC0415
     gc.set_threshold(200_000, 50, 1000)  # most of what a compiler makes stays: a fifth less time
-    folders.use_only(folder)
+    files.use_only(folder)
     files.compile_generic()
     from dlo_planner import exercises  # noqa: PLC0415
     exercises.ALL[exercise]()
-    return files.current_stems(cache.KERNELS.values())
+    return files.current_stems(dispatcher.KERNELS.values())
 
 
 if __name__ == '__main__':

@@ -192,7 +192,7 @@ def arguments():
         'curvature': 1.0, 'sensitivity': Sensitivity(shape), 'max_iterations': 5,
         'DirectSimulator.obstacles': (), 'GraspedInside.obstacles': (), 'fit_rod.obstacles': (),
         'before': None, 'misalignment': np.zeros(1), 'Plan.position_error': np.zeros(1),
-        'via_points': [()],
+        'via_points': [()], 'Plan.clearance': np.zeros(1),
         'clearances': np.zeros((1, 0, 3)), 'sheets': (), 'fraction': 1.0,
         'status': PlanStatus.COMPLETE, 'Plan.depths': np.zeros(1), 'Plan.grippers': [LEVEL],
         'bend_margin': 1.0, 'contact_force': 0.0, 'clearance': 0.1,

@@ -16,7 +16,7 @@ import pytest
 
 import dlo_planner
 from dlo_planner.geometry.record import Record, read
-from dlo_planner.kernels import COMPILED, cache, kernel
+from dlo_planner.kernels import COMPILED, dispatcher, kernel
 from dlo_planner.kernels.fingerprint import Unseen, _scanned, dependencies, fingerprint
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='kernels are plain Python')
@@ -148,7 +148,7 @@ def all_kernels():
     for module in pkgutil.walk_packages([str(PACKAGE)], 'dlo_planner.'):
         if 'dlo_planner.kernels import' in source_of(module.name):
             import_module(module.name)
-    return [one for one in cache.KERNELS.values()
+    return [one for one in dispatcher.KERNELS.values()
             if one.py_func.__module__.startswith('dlo_planner.')]
 
 
@@ -175,7 +175,7 @@ def test_every_global_that_a_kernel_of_the_package_loads_is_seen():
         assert set(names) == loaded(function.__code__)
         calls = [function.__globals__.get(name) for name in names]
         calls = [g for g in calls if isinstance(g, FunctionType)]
-        assert {g.__name__ for g in calls} <= {'_fields'}  # others are kernels
+        assert {g.__name__ for g in calls} <= {'_fields', 'replaced'}  # others are kernels
 
 
 def test_the_package_tells_numba_nothing_behind_the_back_of_the_fingerprint():
@@ -188,7 +188,6 @@ def test_the_package_tells_numba_nothing_behind_the_back_of_the_fingerprint():
                 if 'numba' in {home.split('.')[0], *(name.split('.')[0] for name in names)}:
                     users.setdefault(path.relative_to(PACKAGE).as_posix(), set()).update(names)
     assert users.keys() - {f'kernels/{name}.py' for name in (
-        '__init__', 'cache', 'dispatcher', 'files', 'fingerprint', 'folders',
-        'processor')} == {'geometry/record.py'}
+        '__init__', 'dispatcher', 'files', 'fingerprint')} == {'geometry/record.py'}
     assert not UNKNOWN & set().union(*users.values())
     assert 'overload' in users['geometry/record.py']

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 import dlo_planner
-from dlo_planner.kernels.folders import prune
+from dlo_planner.kernels.files import prune
 
 # Kernels in two files: first -> second -> third -> last, third -> wide, first -> aside, and one
 # alone. All but `wide`, which is a unit, are copied into their callers.
@@ -61,8 +61,8 @@ ALL = (use,)
 USE = """
 import json
 from dlo_planner.chain import alone, first
-from dlo_planner.kernels.cache import KERNELS
-from dlo_planner.kernels.folders import folders
+from dlo_planner.kernels.dispatcher import KERNELS
+from dlo_planner.kernels.files import folders
 values = [first(1.0), float(alone(1.0)[1])]
 stats = {f.__qualname__: k.stats for f, k in KERNELS.items()}
 print(json.dumps([values, sorted(name for name, s in stats.items() if s.cache_hits),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numba.core.errors import NumbaError
 
-from dlo_planner.kernels import COMPILED, folders, kernel
+from dlo_planner.kernels import COMPILED, files, kernel
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='kernels are plain Python')
 TERMS = '    y = (y - 1.0) * (x - 0.5) + 1.0\n' * 40
@@ -44,13 +44,13 @@ def made(request, tmp_path_factory):
     """Return a module of kernels that nobody has compiled, and the number of units among them."""
     module = type(sys)('made_for_a_test')
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(folders, '_only', [tmp_path_factory.mktemp('kernels')])
-        folders.folders.cache_clear()
+        patch.setattr(files, '_only', [tmp_path_factory.mktemp('kernels')])
+        files.folders.cache_clear()
         patch.setitem(sys.modules, module.__name__, module)
         module.kernel = kernel
         exec(TEXT.replace('{options}', request.param), module.__dict__)
         yield module, 1 if request.param else 2
-    folders.folders.cache_clear()
+    files.folders.cache_clear()
 
 
 def plain(name, *args):

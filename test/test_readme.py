@@ -47,7 +47,7 @@ def test_its_commands_say_what_it_says(tmp_path, monkeypatch):
     assert done.exit_code == 0 and re.search('safe +yes', done.output), done.output
     assert {path.name for path in tmp_path.iterdir()} == {'motion.csv'}
     done = CliRunner().invoke(main, shlex.split(refused))
-    assert done.exit_code == 3 and 'waypoint 0, clearance, by 0.0005' in done.output
+    assert done.exit_code == 3 and '(clearance, by 0.0005 m)' in done.output
 
 
 def test_its_service_call_names_what_there_is():

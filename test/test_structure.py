@@ -25,9 +25,9 @@ RINGS = {'dlo_planner.plan': 2}
 OF_NAMED_TUPLES = ('_replace', '_asdict', '_fields', '_make', '_field_defaults')  # are public
 # what numba and the standard library keep private, and there is no other way to; it only shrinks
 KNOWN = {
-    'dlo_planner/kernels/cache.py:_final_module': 1,
-    'dlo_planner/kernels/cache.py:_rebuild': 1,
-    'dlo_planner/kernels/cache.py:_reduce': 1,
+    'dlo_planner/kernels/dispatcher.py:_final_module': 1,
+    'dlo_planner/kernels/dispatcher.py:_rebuild': 1,
+    'dlo_planner/kernels/dispatcher.py:_reduce': 1,
     'dlo_planner/kernels/dispatcher.py:_code': 1,
     'dlo_planner/kernels/fingerprint.py:_overload_func': 1,
     'dlo_planner/ros/main.py:_exit': 1,

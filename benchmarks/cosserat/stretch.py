@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.varying import Stepwise
+from dlo_planner.model.varying import Table, stepwise
 
 _NEGLIGIBLE = 1e-6  # strains: what they displace is less than this part of the length
 
@@ -74,6 +74,6 @@ class Stretch:
         where = np.searchsorted(other.free, middle) - 1
         return float(np.abs(self.strains - other.strains[where]).max())
 
-    def times(self, value: float, power: int) -> 'Stepwise | float':
+    def times(self, value: float, power: int) -> 'Table | float':
         """Return value (1 + strain)^power along the stretched cord, a number without strain."""
-        return Stepwise(self.stretched, value * (1 + self.strains) ** power) if self.any else value
+        return stepwise(self.stretched, value * (1 + self.strains) ** power) if self.any else value

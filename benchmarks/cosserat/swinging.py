@@ -19,7 +19,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.varying import Stepwise
+from dlo_planner.model.varying import stepwise
 
 _HINGE = 1e-6       # of the length
 _SOFT = 1e-3, 1e-5  # moment of a hinge per rad: of EI / L, and of the weight times L at least
@@ -66,12 +66,12 @@ def _simulated(cord: Cord, mesh: Floats, values: Mapping[str, Any], gripper: Pos
     """Return the Shapes at all times of a cord that is let go with given strains (n, 3)."""
     values = dict(values)
     values['mass'], points = _even_masses(mesh, values['mass'], len(mesh) - 1 - cord.n)
-    parts = {name: Stepwise(mesh, row) for name, row in values.items()}
+    parts = {name: stepwise(mesh, row) for name, row in values.items()}
     rod = Rod(mesh[-1], parts['mass'], parts['bend'], parts['twist'], radius=cord.radius,
               point_masses=points)
     bent = Rod(mesh[-1], parts['mass'], parts['bend'], parts['twist'], radius=cord.radius,
-               natural_curvature=Stepwise(mesh, strains[:, 1:]),
-               natural_twist=Stepwise(mesh, strains[:, 0]))
+               natural_curvature=stepwise(mesh, strains[:, 1:]),
+               natural_twist=stepwise(mesh, strains[:, 0]))
     options: dict[str, Any] = {'basis': 'local', 'n_elements': len(mesh) - 1}
     start = DirectSimulator(bent, gravity=(0, 0, 0), **options).solve(gripper)
     simulator = DirectSimulator(rod, gravity=cord.gravity, **options)

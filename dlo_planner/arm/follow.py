@@ -239,7 +239,8 @@ def _checked(attempt: _Attempt, check: Callable[[], object]) -> JointTrajectory:
         worst = np.unravel_index(np.argmax(off), off.shape)[0]
         raise IKFailure(f'between two points the tool is off by {off[worst, 0]:.3g} m and '
                         f'{off[worst, 1]:.3g} rad: expected at most {_OFF:g}; the joints turn too '
-                        'suddenly', between[worst], 'continuity', float(off.max() - _OFF))
+                        'suddenly', between[worst], 'continuity', float(off.max() - _OFF),
+                        ('m', 'rad')[int(off[worst].argmax())])
     _check_curve(arm, curve)
     distance = smallest_distance(arm, curve, check)
     probes = np.sort(np.concatenate([times, between, 0.5 * (times[1:] + between),
@@ -269,7 +270,7 @@ def _traced(attempt: _Attempt, times: Floats, check: Callable[[], object]) -> Fl
             raise IKFailure(f'{arm.joints[joint]} would have to go from {out[-1][joint]:.4g} to '
                             f'{found.positions[joint]:.4g} at once: the arm is stretched or folded '
                             'up there (a singularity)', time, 'continuity',
-                            float(moved.max() - _JUMP))
+                            float(moved.max() - _JUMP), arm.units[joint])
         check_limits(arm, found.positions, time)
         out.append(found.positions)
     return np.array(out)
@@ -352,7 +353,8 @@ def _too_fast(arm: Arm, joint: int, speed: float, time: float, end: float) -> IK
     most, unit = arm.speeds[joint], arm.units[joint]
     return IKFailure(f'{arm.joints[joint]} moves at {speed:.6g} {unit}/s: expected at most '
                      f'{most:.6g}; the motion would have to be {speed / most:.4g} times slower',
-                     time, 'joint_speed', float(speed - most), (float(end), float(most / speed)))
+                     time, 'joint_speed', float(speed - most), f'{unit}/s',
+                     (float(end), float(most / speed)))
 
 
 def _rolls() -> list[float]:
@@ -368,4 +370,5 @@ def _refusal(trajectory: TimedPath, failure: IKFailure, rolled: bool) -> Infeasi
         waypoint = trajectory.path.goal(trajectory.progress([failure.time])[0])
     tried = ', however the gripper is rolled' if rolled else ''
     return Infeasible(f'arm, on the way to waypoint {waypoint}, after {failure.time:.3f} s{tried}: '
-                      f'{failure.words}', waypoint, failure.constraint, failure.amount)
+                      f'{failure.words}', waypoint, failure.constraint, failure.amount,
+                      unit=failure.unit)

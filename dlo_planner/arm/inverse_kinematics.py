@@ -36,10 +36,11 @@ class IKFailure(Exception):
 
     attempt: Any = None  # with which it can be tried again
 
-    def __init__(self, words: str, time: float, constraint: str, amount: float,
+    def __init__(self, words: str, time: float, constraint: str, amount: float, unit: str,
                  rank: tuple[float, float] | None = None) -> None:
         super().__init__(words)
-        self.words, self.time, self.constraint, self.amount = words, time, constraint, amount
+        self.words, self.time, self.constraint = words, time, constraint
+        self.amount, self.unit = amount, unit
         self.rank = (time, 0.0) if rank is None else rank
 
 
@@ -139,7 +140,7 @@ def check_reach(found: IKSolution, time: float) -> None:
     if not found.reached:
         left, turn = (float(np.linalg.norm(part)) for part in (found.off[:3], found.off[3:]))
         raise IKFailure(f'the tool cannot get there: {left:.3g} m and {turn:.3g} rad are left',
-                        time, 'reach', left if left > 0 else turn)
+                        time, 'reach', left or turn, 'm' if left > 0 else 'rad')
 
 
 def check_limits(arm: Arm, positions: Floats, time: float) -> None:
@@ -149,7 +150,7 @@ def check_limits(arm: Arm, positions: Floats, time: float) -> None:
     if beyond[joint] > _LIMIT_ROUNDING:
         raise IKFailure(f'{arm.joints[joint]} = {positions[joint]:.6g} {arm.units[joint]}: '
                         f'expected {arm.lower[joint]:.6g} to {arm.upper[joint]:.6g}', time,
-                        'joint_limit', float(beyond[joint]))
+                        'joint_limit', float(beyond[joint]), arm.units[joint])
 
 
 def check_self_collision(arm: Arm, positions: Floats, time: float) -> float:
@@ -163,7 +164,7 @@ def check_self_collision(arm: Arm, positions: Floats, time: float) -> float:
         wanted = f'at least {arm.self_clearance:g} m' if arm.self_clearance else 'more than 0 m'
         raise IKFailure(f'{one} and {other} come together: their distance is '
                         f'{distances[pair]:.4g} m, expected {wanted}', time, 'self_collision',
-                        float(arm.self_clearance - distances[pair]))
+                        float(arm.self_clearance - distances[pair]), 'm')
     return float(distances[pair])
 
 

@@ -108,7 +108,7 @@ def _kernels() -> Finding:
     if not COMPILED:
         return Finding(_BAD, name, 'numba is missing, too old or switched off: some hundred times '
                        'slower', f'pip install "{WANTED}"; unset NUMBA_DISABLE_JIT')
-    from dlo_planner.kernels.folders import folders  # noqa: PLC0415 - numba is needed
+    from dlo_planner.kernels.files import folders  # noqa: PLC0415 - numba is needed
     known = folders()
     count = sum(1 for folder in known.read if folder.is_dir() for _ in folder.iterdir())
     if count < _FEW:

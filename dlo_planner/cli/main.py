@@ -66,9 +66,6 @@ class Commands(click.Group):
             raise
         except (Infeasible, NotConverged, DeadlineExceeded) as error:
             click.echo(f'no solution: {error}', err=True)
-            if isinstance(error, Infeasible):
-                click.echo(f'  waypoint {error.waypoint}, {error.constraint}, by '
-                           f'{error.amount:.4g}', err=True)
             ctx.exit(NO_SOLUTION)
         except DloPlannerError as error:
             click.echo(f'Error: {error}', err=True)

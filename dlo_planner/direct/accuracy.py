@@ -29,8 +29,7 @@ from dlo_planner.direct.discretization import (
 )
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.step import StepInputs, corrected_by, past_of, step
+from dlo_planner.direct.statics import StepInputs, corrected_by, equilibrium, past_of, step
 from dlo_planner.geometry.basis import truncation_error
 from dlo_planner.minimize.expected_error import discretization_errors, resampled_means
 from dlo_planner.model.arrays import Bools, Floats
@@ -319,6 +318,5 @@ def foreseen(shape: Shape, accuracy: float,
         breaks = np.union1d(breaks, points)
         breaks = breaks[(breaks > 0) & (breaks < known.s[-1])]
     s = nodes_at(known.s, shares, wanted, breaks)
-    strains = np.empty((s.size - 1, 3))
-    resampled_means(known.s, shape.element_strains - off + there / wanted**2, s, strains)
+    strains = resampled_means(known.s, shape.element_strains - off + there / wanted**2, s)
     return Discretization(around, s, 'local', 0), strains

@@ -13,15 +13,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import ceil, dist, log2
-from typing import NamedTuple, TypeAlias
+from math import ceil, dist, hypot, log2
+from typing import TypeAlias
 
 import numpy as np
 
 from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.statics import Grips, equilibrium
 from dlo_planner.energy.ccd import sweeps_through
-from dlo_planner.geometry.so3 import matrix, partway, rotation_vector, times_transposed
+from dlo_planner.geometry.so3 import (
+    matrix,
+    rotation_vector,
+    times_transposed,
+    turn_between,
+)
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.newton import largest_turn_between
 from dlo_planner.model.arrays import Floats
@@ -45,7 +51,7 @@ _OFF = 2e-3             # rad and of the length: the longest step in which it do
 _FOLLOWING = 3.0        # rad of shape per rad of the gripper: more is looked at in smaller steps
 _SLIDING = 2.0          # the same, where it slides
 _SPREAD = 0.2           # of how much the work depends on when forces change in a step: its error
-_ROUGH = 0.01           # of the elastic energy: what a mesh makes of it
+_ROUGH = 0.01           # of the elastic energy: what a step may make of it
 _EXACT = 1e-6           # the same, of two shapes on one mesh
 _EVENLY = 0.75          # of a step's change: more in half of it is a leap, perhaps
 _SAME = 0.01            # rad: two shapes that differ by less are one
@@ -53,21 +59,7 @@ _SLIDES = 1 - 1e-6      # of friction's limit
 _TURNED = np.cos(0.5)   # rad: a normal that turns more is another contact, as beyond an edge
 
 
-class Grips(NamedTuple):
-    """What holds a DLO: Pose of the gripper, FarEnd or None."""
-
-    gripper: Pose
-    far_end: FarEnd | None = None
-
-    def towards(self, goal: Grips, fraction: float) -> Grips:
-        """Return where grips are at a fraction of the straight way to `goal`, the grip its own."""
-        far_end = goal.far_end
-        if far_end is not None and self.far_end is not None:
-            far_end = FarEnd(between(self.far_end.pose, far_end.pose, fraction), far_end.grip)
-        return Grips(between(self.gripper, goal.gripper, fraction), far_end)
-
-
-def follow(equilibrium: Equilibrium, previous: Shape, gripper: Pose, far_end: FarEnd | None = None,
+def follow(solve: Equilibrium, previous: Shape, gripper: Pose, far_end: FarEnd | None = None,
            at_once: bool = False) -> Shape:
     """Return the Shape at `gripper` that continues `previous`; its `jumped` says if none does.
 
@@ -77,10 +69,10 @@ def follow(equilibrium: Equilibrium, previous: Shape, gripper: Pose, far_end: Fa
     """
     if previous.pinned:  # a ball joint: the DLO does not turn with it
         gripper = Pose.from_rotation(gripper.position, previous.gripper.rotation)
-    return _followed(equilibrium, previous, Grips(gripper, far_end), at_once, None)
+    return _followed(solve, previous, Grips(gripper, far_end), at_once, None)
 
 
-def _followed(equilibrium: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
+def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
               halvings: int | None, tried: Shape | None = None) -> Shape:
     """Return what `follow` does."""
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
@@ -88,33 +80,33 @@ def _followed(equilibrium: Equilibrium, previous: Shape, goal: Grips, at_once: b
     if last or not _is_long(previous, previous, goal, turn, at_once):
         if not (last or at_once or previous.contacts or goal.far_end is not None):
             most = _LEAP + _FOLLOWING * turn
-        shape = tried or equilibrium(goal.gripper, previous, goal.far_end, most)
-        if not shape.converged and (shape.jumped or goal.far_end is not None):
+        shape = tried or solve(goal.gripper, previous, goal.far_end, most)
+        if not shape.converged and (shape.jumped or goal.far_end is not None and halvings is None):
             return shape  # it went in parts already: the way is blocked, or out of reach
         good = sound(previous, shape)
-        if good and (last or not _is_doubtful(previous, shape, turn)):
+        if good and (last or not _is_doubtful(previous, shape)):
             if last or not shape.contacts or not _is_long(previous, shape, goal, turn, at_once):
                 return shape
         elif last:
             return _jumped(shape)
         elif (good and not _is_long(previous, shape, goal, turn, at_once)
-              and not (turn + _shift(previous, goal.gripper) > _OFF
-                       and _comes_off(previous, shape))):
-            agree, half = _by_halves(equilibrium, previous, goal, shape)
+              and not (_motion(previous, goal) > _OFF and _comes_off(previous, shape))):
+            agree, half = _by_halves(solve, previous, goal, shape)
             if agree:
                 return shape
         failed = not shape.converged and most == np.inf
     if halvings is None:
-        halvings = _halvings(previous, goal)
+        parts = max(_motion(previous, goal) / _SHORTEST, 1.0)
+        halvings = min(max(ceil(log2(parts)), _LEAST), _MOST)
     left = (min(halvings, _FAILURES) if failed else halvings) - 1
-    middle = _followed(equilibrium, previous, _partway(previous, goal), False, left, half)
+    middle = _followed(solve, previous, _partway(previous, goal), False, left, half)
     if not middle.converged:
         if shape is None:
             return _jumped(middle)
         if not shape.converged and most < np.inf:  # given up on its way: now to where it leads
-            shape = equilibrium(goal.gripper, previous, goal.far_end, np.inf)
+            shape = solve(goal.gripper, previous, goal.far_end, np.inf)
         return _jumped(shape)
-    rest = _followed(equilibrium, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
+    rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
     if not rest.converged and shape is not None and shape.converged:
         return _jumped(shape)  # the whole step has an end, which its parts do not reach
     jumped = rest.jumped or middle.jumped
@@ -124,17 +116,17 @@ def _followed(equilibrium: Equilibrium, previous: Shape, goal: Grips, at_once: b
     return _jumped(rest) if jumped else rest
 
 
-def _by_halves(equilibrium: Equilibrium, previous: Shape, goal: Grips,
+def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
                shape: Shape) -> tuple[bool, Shape]:
     """Return whether two half steps lead to `shape` as well; and the first.
 
     They do not where one of them alone changes as much as both: what leaps does so in any step.
     """
     there = _partway(previous, goal)
-    first = equilibrium(there.gripper, previous, there.far_end, np.inf)
+    first = solve(there.gripper, previous, there.far_end, np.inf)
     if not sound(previous, first):
         return False, first
-    end = equilibrium(goal.gripper, first, goal.far_end, np.inf)
+    end = solve(goal.gripper, first, goal.far_end, np.inf)
     agree = (sound(first, end) and not _changes(shape, end)
              and shape_change(shape, end) <= _SAME)
     if agree:
@@ -170,14 +162,18 @@ def _shift(previous: Shape, gripper: Pose) -> float:
     return dist(gripper.position, previous.gripper.position) / float(previous.s[-1])
 
 
-def _halvings(previous: Shape, goal: Grips) -> int:
-    """Return how often a step may be halved."""
-    size = (angle_between(previous.gripper.rotation, goal.gripper.rotation)
-            + _shift(previous, goal.gripper))
-    if goal.far_end is not None:
-        size += dist(goal.far_end.pose.position, previous.positions[-1]) / float(previous.s[-1])
-        size += angle_between(goal.far_end.pose.rotation, previous.frames[-1])
-    return min(max(ceil(log2(max(size / _SHORTEST, 1.0))), _LEAST), _MOST)
+def _motion(previous: Shape, goal: Grips) -> float:
+    """Return how far the grips go from where they are in a Shape, rad and of the length."""
+    length = float(previous.s[-1])
+    size = dist(goal.gripper.position, previous.gripper.position) / length
+    if not previous.pinned:
+        size += angle_between(previous.gripper.rotation, goal.gripper.rotation)
+    if goal.far_end is not None:  # by what it holds
+        rows, pose = goal.far_end.held, goal.far_end.pose
+        turn = rows[:, :3] @ turn_between(previous.frames[-1], pose.rotation)
+        shift = rows[:, 3:] @ (pose.position - previous.positions[-1]) / length
+        size += hypot(*turn) + hypot(*shift)
+    return size
 
 
 def sound(previous: Shape, shape: Shape) -> bool:
@@ -189,26 +185,24 @@ def sound(previous: Shape, shape: Shape) -> bool:
 def surely_follows(previous: Shape, shape: Shape) -> bool:
     """Return whether `follow` takes `shape`, found in one step, as it is; arguments as `sound`."""
     turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
-    return (sound(previous, shape) and not _is_doubtful(previous, shape, turn)
+    return (sound(previous, shape) and not _is_doubtful(previous, shape)
             and not _is_long(previous, shape, Grips(shape.gripper, shape.far_end), turn, False))
 
 
 def fell(previous: Shape, shape: Shape) -> bool:
     """Return whether `shape` does not continue `previous` in a single step of the grips.
 
-    It changed more than the gripper's turn (and, in contact, its shift) can cause; or, in contact
-    or with its far end held, it lost energy that neither work nor friction accounts for.
+    It changed more than their motion can cause; or, in contact, pinned or with its far end held, it
+    lost energy that neither work nor friction accounts for.
     """
-    if shape.far_end is not None or shape.pinned:
-        return _lost(previous, shape)
     change = shape_change(previous, shape)
-    turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
-    if not (previous.contacts or shape.contacts):
-        return change > _LEAP + _FOLLOWING * turn
-    # where it touches, the gripper's displacement deforms the DLO as well
+    if not (previous.contacts or shape.contacts or shape.far_end is not None or shape.pinned):
+        turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
+        return change > _LEAP + _FOLLOWING * turn  # its shift deforms nothing
     leap = _LEAP_OFF if _comes_off(previous, shape) else _LEAP_ON
-    allowed = leap + _FOLLOWING * (turn + _shift(previous, shape.gripper))
-    return change > allowed or previous.far_end is None and _lost(previous, shape)
+    if change > leap + _FOLLOWING * _motion(previous, Grips(shape.gripper, shape.far_end)):
+        return True
+    return (previous.far_end is None or shape.far_end is not None) and _lost(previous, shape)
 
 
 def _lost(previous: Shape, shape: Shape) -> bool:
@@ -216,6 +210,7 @@ def _lost(previous: Shape, shape: Shape) -> bool:
 
     What does not count is the error of the work, and what bends all of the DLO by a leap.
     """
+    previous = _on_mesh_of(shape, previous)
     one, other = previous.gripper, shape.gripper
     work, spread = _work(one.rotation, other.rotation, one.position, other.position,
                          previous.gripper_wrench, shape.gripper_wrench)
@@ -224,27 +219,32 @@ def _lost(previous: Shape, shape: Shape) -> bool:
                             shape.positions[-1], previous.far_wrench, shape.far_wrench)
         work, spread = work + more, spread + wider
     lost = previous.energy + work - shape.energy - (shape.dissipated - previous.dissipated)
-    least = _SPREAD * spread
     energy = max(previous.elastic_energy, shape.elastic_energy)
-    if lost <= least + _EXACT * energy:
-        return False
-    past = shape.history
-    if past is not None and shape.contacts:
-        lost -= past.friction_work
-    one_mesh = np.array_equal(previous.s, shape.s)
-    leaps = shape_change(previous, shape) > _LEAP_ON
-    if shape.far_end is not None and one_mesh and leaps:
-        return lost > least + _EXACT * energy
-    least += _ROUGH * energy
+    least = _SPREAD * spread + _EXACT * energy
     if lost <= least:
         return False
-    mesh = shape.mesh
-    if mesh is not None:
-        stiffness = float(mesh.free.stiffness[:, 1:].min())
-        least += 0.5 * _LEAP_ON**2 * stiffness / float(shape.s[-1])
-    # of two meshes one may be far too stiff for a DLO that clamps bend sharply: energies of both
-    # tell a fall only where it is seen
-    return lost > least and (one_mesh or leaps)
+    past, mesh = shape.history, shape.mesh
+    if past is not None and shape.contacts:
+        lost -= past.friction_work
+    if shape.far_end is None or shape_change(previous, shape) <= _LEAP_ON:
+        least += _ROUGH * energy
+        if mesh is not None:
+            stiffness = float(mesh.free.stiffness[:, 1:].min())
+            least += 0.5 * _LEAP_ON**2 * stiffness / float(shape.s[-1])
+    return lost > least
+
+
+def _on_mesh_of(shape: Shape, previous: Shape) -> Shape:
+    """Return the Shape before a step on the mesh after it: energies of two meshes tell no fall."""
+    mesh, known = shape.mesh, previous.mesh
+    if mesh is None or known is None or (mesh.has_nodes(previous.s)
+                                         and mesh.n_unknowns == known.n_unknowns):
+        return previous
+    there = equilibrium(mesh, previous.gripper,
+                        mesh.strains_from(previous.s, previous.element_strains),
+                        mesh.past(previous.state.held), previous.far_end,
+                        culled=previous.state.culled)
+    return there if there.converged else previous
 
 
 @kernel
@@ -271,13 +271,14 @@ def _comes_off(previous: Shape, shape: Shape) -> bool:
                 <= {contact.obstacle for contact in shape.contacts})
 
 
-def _is_doubtful(previous: Shape, shape: Shape, turn: float) -> bool:
-    """Whether contacts change in a step by a `turn` (rad), or slide on another branch perhaps."""
+def _is_doubtful(previous: Shape, shape: Shape) -> bool:
+    """Whether contacts change in a step, or slide on another branch perhaps."""
     if _changes(previous, shape):
         return True
     if not any(contact.friction.any() for contact in shape.contacts):
         return False
-    return shape_change(previous, shape) > _SLIDING * (turn + _shift(previous, shape.gripper))
+    moved = _motion(previous, Grips(shape.gripper, shape.far_end))
+    return shape_change(previous, shape) > _SLIDING * moved
 
 
 def _changes(one: Shape, other: Shape) -> bool:
@@ -338,9 +339,3 @@ def shape_change(one: Shape, other: Shape) -> float:
     freeze((here, there))
     return largest_turn_between(here, there, one.gripper.rotation, other.gripper.rotation,
                                 np.arange(SAMPLES.size))
-
-
-def between(one: Pose, other: Pose, fraction: float) -> Pose:
-    """Return the Pose at `fraction` of the way: position linear, rotation about one fixed axis."""
-    return Pose.from_rotation(one.position + fraction * (other.position - one.position),
-                              partway(one.rotation, other.rotation, float(fraction)))

@@ -28,12 +28,11 @@ from dlo_planner.energy.scene import Scene, build_scene, translated
 from dlo_planner.energy.terms import (
     TERMS,
     KKTBorder,
-    Structure,
     free_terms,
     structure_of,
-    with_terms,
 )
 from dlo_planner.geometry.basis import equidistribute, orthonormal_basis, very_twisted
+from dlo_planner.geometry.record import replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import with_contacts
 from dlo_planner.model.arrays import Floats, Ints
@@ -223,12 +222,12 @@ class Discretization(Value):
         """The Rod."""
         return self.surroundings.rod
 
-    @property
+    @cached_property
     def yields(self) -> bool:
         """Whether the DLO yields anywhere."""
         return self.rod.yields
 
-    @property
+    @cached_property
     def obstructed(self) -> bool:
         """Whether there are obstacles."""
         return bool(self.surroundings.obstacles)
@@ -393,13 +392,11 @@ def placed(system: Problem, base: Floats, origin: Floats, hold: Any, spring: flo
            fraction: Floats, anchor: Floats, normal: Floats, shear: Floats) -> Any:
     """Return the same Problem in a gripper and a grip `hold`, with what a Memory has left."""
     effects, needs = system.effects, system.needs
-    held = Problem(
-        system.lengths, system.natural, system.stiffness, system.scale, system.basis, base, origin,
-        with_terms(effects, effects.elastic, with_set(effects.plastic, plastic), effects.anchor,
-                   hold, effects.contact),
-        Structure(_displaced(needs.displaced, hold), needs.attached,
-                  _with_rows(needs.border, hold)),
-        system.proximal_point, system.proximal_weight)
+    held = replaced(
+        system, 'base', base, 'origin', origin,
+        'effects', replaced(effects, 'plastic', with_set(effects.plastic, plastic), 'hold', hold),
+        'needs', replaced(needs, 'displaced', _displaced(needs.displaced, hold),
+                          'border', _with_rows(needs.border, hold)))
     return _touching(effects.contact, held, origin, spring, node, element, obstacle, multiplier,
                      fraction, anchor, normal, shear)
 
@@ -409,8 +406,7 @@ def with_set(plastic: Any, strain: Floats) -> Any:
     """Return a PlasticSection with another plastic strain; None for None."""
     if plastic is None:
         return plastic
-    return PlasticSection(plastic.direction, plastic.limit, plastic.share, plastic.kind,
-                          plastic.strength, plastic.ellipse, strain.copy())
+    return replaced(plastic, 'set', strain.copy())
 
 
 @kernel

@@ -31,8 +31,7 @@ from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Deferred, Motion
 from dlo_planner.direct.search import MAX_ITERATIONS, Search
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.step import past_of
+from dlo_planner.direct.statics import equilibrium, past_of
 from dlo_planner.direct.stepper import (
     MOST,
     Acceptance,
@@ -204,7 +203,7 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     for level, steps in groupby(plan.steps):
         left, size = 2 * len(list(steps)), 1 << (HALVINGS - level)
         scheme = plan.scheme(stepper.dt, level + 1)
-        if made and not now.touched:
+        if made and not now.row.touched:
             now = finer.renewed(now, scheme.dt)
         while left:
             places = (at + size * np.arange(1, min(left, MOST) + 1)) / (2 << HALVINGS)
@@ -234,7 +233,7 @@ def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) ->
     for halvings in range(1, _SHORTER + 1):
         parts = 1 << halvings
         brief = scheme._replace(dt=scheme.dt / parts)
-        begun = now if now.touched else stepper.renewed(now, brief.dt)
+        begun = now if now.row.touched else stepper.renewed(now, brief.dt)
         last = begun
         for at in now.place + (place - now.place) * np.arange(1, parts + 1) / parts:
             batch = stepper.steps(last, (), np.array([at]), brief, Acceptance())
@@ -242,7 +241,7 @@ def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) ->
                 break
             last = batch.last
         if batch.refused is None:
-            last = last if last.touched else stepper.renewed(last, scheme.dt)
+            last = last if last.row.touched else stepper.renewed(last, scheme.dt)
             return batch._replace(kept=[last] if place == round(place) else [], last=last)
     return batch._replace(errors=np.zeros(0))
 
@@ -339,7 +338,7 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
             progress.done(len(reached), plan.instants)
         after = batch.refused
         if control.stuck and after is not None:
-            status = 'energy' if after.converged else 'unsolved'
+            status = 'energy' if after.row.converged else 'unsolved'
             end = replace(after, given=replace(after.shape, converged=False))
             if status == 'energy':  # what has made energy is no instant of this DLO
                 end = control.now
@@ -365,7 +364,7 @@ class _StepControl:
         self._steps: list[int] = []
         self._errors: list[float] = []
         self._samples: list[Floats] = []
-        self._budget = np.array([first.balance, *first.energies[[STATIC, STATIC, KINETIC]],
+        self._budget = np.array([first.balance, *first.row.energies[[STATIC, STATIC, KINETIC]],
                                 first.balance])
         self._began = first.balance
         mesh = stepper.discretization
@@ -415,7 +414,7 @@ class _StepControl:
         plan, stepper = self._plan, self._stepper
         scheme = plan.scheme(stepper.dt, level)
         now, budget = self.now, self._budget.copy()
-        if self._steps and self._steps[-1] != level and not now.touched:
+        if self._steps and self._steps[-1] != level and not now.row.touched:
             fresh = stepper.renewed(now, scheme.dt)
             gained = fresh.balance - now.balance
             if gained <= max(self._began - now.balance, 0.0) + self._noise:  # else it is made up
@@ -467,7 +466,7 @@ def _motion(stepper: Stepper, made: Run, tolerance: float,
         message = (f'the local errors of its steps add up to {made.local:.3g} m, more than the '
                    f'tolerance of {tolerance:.3g} m: see error_estimate')
     given = {} if estimate is None else {'_estimate': estimate}
-    energies = np.array([instant.energies for instant in reached])
+    energies = np.array([instant.row.energies for instant in reached])
     shapes: Any = Deferred(lambda: tuple(instant.shape for instant in reached))
     return Motion(
         stepper.dt * places, shapes,

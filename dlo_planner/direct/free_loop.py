@@ -12,11 +12,13 @@ import numpy as np
 from dlo_planner.direct.accuracy import hanging_surely_within
 from dlo_planner.direct.discretization import Discretization, unknown_scale
 from dlo_planner.direct.search import MAX_ITERATIONS, TOLERANCE
-from dlo_planner.direct.statics import acts_at, hangs_still
+from dlo_planner.direct.statics import acts_at
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.problem import Problem
 from dlo_planner.geometry.basis import orthonormal_basis, very_twisted
+from dlo_planner.minimize.convergence import CONVERGED
+from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.minimize.solve import FreeShapes, RodTable, solve_free
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.rod import Rod
@@ -78,7 +80,8 @@ def _filled(system: Problem, rods: RodTable, rod_of: Ints, positions: Floats,
     return {'element_strains': strains, 'frames': frames, 'positions': places,
             'gripper_wrench': wrenches, 'elastic_energy': energies[:, 0], 'energy': energies[:, 1],
             'residual': residual, 'stability': stability, 'iterations': iterations,
-            'converged': hangs_still(residual, stability), 'jumped': np.zeros(n, dtype=bool),
+            'converged': (residual < CONVERGED) & (stability > -NEUTRAL),
+            'jumped': np.zeros(n, dtype=bool),
             'dissipated': np.zeros(n), 'violation': np.zeros(n)}, truncated
 
 

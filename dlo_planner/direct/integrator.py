@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.discretization import placed, with_set
-from dlo_planner.direct.search import is_equilibrium
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.elastic import Elastic
 from dlo_planner.energy.grip import GripConstraint
@@ -34,15 +33,13 @@ from dlo_planner.energy.problem import (
     unknown_count,
 )
 from dlo_planner.energy.terms import (
-    Structure,
     may_act,
     may_forbid,
     potential,
     stored,
-    with_terms,
 )
 from dlo_planner.geometry.kinematics import point_inside
-from dlo_planner.geometry.record import Record, copy
+from dlo_planner.geometry.record import Record, copy, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.convergence import SETTLED, decrement_of
 from dlo_planner.minimize.hessian import (
@@ -60,7 +57,7 @@ from dlo_planner.minimize.newton import (
     next_to,
     thorough,
 )
-from dlo_planner.minimize.solve import obstructed_minimum, outcome
+from dlo_planner.minimize.solve import is_equilibrium, obstructed_minimum, outcome
 from dlo_planner.model.arrays import Bools, Floats, Ints
 
 PAST = 2  # rows before that of now: places of the nodes alone, which tell how exact a step is
@@ -348,13 +345,11 @@ def incremental_potential(system: Problem, how: SchemeCoefficients, where: Float
             for i in range(3):
                 natural[e, i] = (natural[e, i] + firm * calm[e, i]) / (1 + firm)
     effects = system.effects
-    return Problem(system.lengths, natural, system.stiffness * stiffer, system.scale,
-                   system.basis, base, origin,
-                   with_terms(effects, Elastic(part, couple), effects.plastic,
-                              InertiaTerm(where, how.masses * strength), effects.hold,
-                              effects.contact),
-                   Structure(how.masses.size > 0, system.needs.attached, system.needs.border),
-                   system.proximal_point, system.proximal_weight)
+    effects = replaced(effects, 'elastic', Elastic(part, couple),
+                       'anchor', InertiaTerm(where, how.masses * strength))
+    return replaced(system, 'natural', natural, 'stiffness', system.stiffness * stiffer,
+                    'base', base, 'origin', origin, 'effects', effects,
+                    'needs', replaced(system.needs, 'displaced', how.masses.size > 0))
 
 
 @kernel

@@ -49,7 +49,7 @@ from dlo_planner.model.value import Value, brief, freeze, put
 
 _AT_REST = 1e-4   # residual above which a shape is not at rest; rounding errors are below it
 _MOST = 200       # Newton steps on a finer mesh
-_DEPENDENT = 1e-7  # of the largest row: constraint rows below it depend on the others
+_DEPENDENT = 1e-7  # of the largest singular value of constraint rows: below it they depend
 
 
 @dataclass(frozen=True)
@@ -141,9 +141,9 @@ def _vibration(mesh: Discretization, system: Problem, q: Floats) -> Vibration:
     jacobian = _jacobian(system, hessian, state.positions)
     carried = node_twists(system, state, answers, 6)[:, 3:]
     border = hessian.border
-    free = None if border is None else _free(border.rows.reshape(len(border.rows), q.size))
     stiffness, strains = _stiffness(system, hessian), _strains(system)
-    if free is not None:
+    if border is not None and len(border.rows):
+        free = scipy.linalg.null_space(border.rows.reshape(len(border.rows), q.size), _DEPENDENT)
         stiffness = free.T @ stiffness @ free
         jacobian, strains = jacobian @ free, strains @ free
     jacobian = jacobian[nodes]
@@ -197,16 +197,6 @@ def _strains(system: Problem) -> Floats:
     for i in range(3):
         strains[:, i, :, i] = system.scale[:, i, None] * basis
     return strains.reshape(n, 3, -1)
-
-
-def _free(held: Floats) -> Floats | None:
-    """Return an orthonormal basis (c, c - rank) of the kernel of rows (K, c); None: no rows."""
-    if not len(held):
-        return None
-    axes, triangle, _ = scipy.linalg.qr(held.T, pivoting=True)
-    size = np.abs(np.diag(triangle))
-    result: Floats | None = axes[:, int(np.sum(size > _DEPENDENT * size.max())):]
-    return result
 
 
 MOST_MODES = 1000       # modes that may be asked for

@@ -8,6 +8,7 @@ Most steps of statics are one compiled call instead (`minimize.solve.solve_step`
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +33,7 @@ from dlo_planner.minimize.classic import (
 )
 from dlo_planner.minimize.contact_solver import constrained_newton
 from dlo_planner.minimize.convergence import Minimum
-from dlo_planner.minimize.newton import HELD_NEUTRAL, MOST_KICKS, NEUTRAL
+from dlo_planner.minimize.newton import MOST_KICKS
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 
@@ -50,18 +51,6 @@ class Search(NamedTuple):
     exact: float = EXACT         # of the length: by how much constraints may be violated
     tolerance: float = TOLERANCE
     near: bool = False           # whether it is given up where it is not near
-
-
-@kernel
-def is_equilibrium(stationary: bool, stability: float, bound: bool, violation: float, kept: float,
-                   missed: float, reach: float) -> bool:
-    """Whether a minimum is a stable or neutral equilibrium that keeps all constraints.
-
-    `bound`: whether grips or contacts may bind it, which tells its stability less exactly; `kept`,
-    `reach`: by how much constraints may be violated, and the grip of the far end be missed, m.
-    """
-    return (stationary and stability > -(HELD_NEUTRAL if bound else NEUTRAL)
-            and violation <= kept and missed <= reach)
 
 
 def minimum(mesh: Discretization, system: Problem, gripper: Pose, q: Floats,
@@ -185,37 +174,25 @@ def _balanced(solved: Callable[[Problem, Floats], Minimum], system: Problem, q: 
     The fixed point of frames -> shape -> frames is sought by Anderson's acceleration.
     """
     unit = np.abs(moments).sum()
-    state = evaluated(system, q)
-    known = _couples(system.lengths, state.strains, state.rotations, moments) / unit
-    strains, iterations = state.strains, 0
-    tried: list[Floats] = []
-    missed: list[Floats] = []
-    for _ in range(_ROUNDS):
-        elastic = with_couples(system.elastic, unit * known)
-        loaded = system._replace(elastic=elastic)
-        found = solved(loaded, configuration_at(loaded, strains).q)
-        state, system = found.state, found.system._replace(elastic=system.elastic)
+    begin, elastic = evaluated(system, q), system.elastic
+    known = _couples(system.lengths, begin.strains, begin.rotations, moments) / unit
+    found, iterations, off = Minimum(begin, np.inf, np.nan, 0, 0, system), 0, np.inf
+
+    def missed(known: Floats) -> Floats:
+        nonlocal found, iterations, off
+        loaded = found.system._replace(elastic=with_couples(elastic, unit * known))
+        found = solved(loaded, configuration_at(loaded, found.state.strains).q)
         iterations += found.iterations
-        strains = state.strains
-        miss = _couples(system.lengths, strains, state.rotations, moments) / unit - known
-        off = np.abs(miss).max()
-        if off <= _SETTLED:
-            break
-        tried, missed = [*tried, known][-_REMEMBERED:], [*missed, miss][-_REMEMBERED:]
-        known = _next(tried, missed)
-    return found._replace(residual=max(found.residual, off), iterations=iterations, system=system)
+        state = found.state
+        miss: Floats = _couples(system.lengths, state.strains, state.rotations, moments) / unit
+        off = float(np.abs(miss - known).max())
+        return miss - known
 
-
-def _next(tried: list[Floats], missed: list[Floats]) -> Floats:
-    """Return where the misses (n, 3) would vanish, by least squares over what was tried."""
-    best = tried[-1] + missed[-1]
-    if len(tried) == 1:
-        return best
-    of_misses = np.column_stack([(one - missed[-1]).ravel() for one in missed[:-1]])
-    share, *_ = np.linalg.lstsq(of_misses, -missed[-1].ravel(), rcond=1e-10)
-    for part, one, miss in zip(share, tried[:-1], missed[:-1], strict=True):
-        best = best + part * (one + miss - tried[-1] - missed[-1])
-    return best
+    with suppress(scipy.optimize.NoConvergence):
+        scipy.optimize.anderson(missed, known, alpha=1.0, M=_REMEMBERED, f_tol=_SETTLED,
+                                maxiter=_ROUNDS, line_search=None)
+    return found._replace(residual=max(found.residual, off), iterations=iterations,
+                          system=found.system._replace(elastic=elastic))
 
 
 @kernel

@@ -341,11 +341,16 @@ class Shape(Pictured):
             return f'not converged: {self._hinge_in_words}'
         if self.nearly:
             return f'nearly converged: {figures}'
-        cause = self._coarseness()
+        cause = self._cause()
         return (f'not converged{", jumped" if self.jumped else ""}: {figures}'
                 + (f'; {cause}' if cause else ''))
 
-    def _coarseness(self) -> str:
+    def _cause(self) -> str:
+        """Return in words why no equilibrium was found, or '' where that is not known."""
+        deepest = max(self.contacts, key=lambda contact: contact.penetration, default=None)
+        if deepest is not None and deepest.penetration > _KEPT * self.s[-1]:
+            return (f'at s = {deepest.s:.4g} m the DLO is {deepest.penetration:.2g} m inside '
+                    f'obstacle {deepest.obstacle} and does not come out')
         if self.far_end is None or self.state.mesh is None:
             return ''
         from dlo_planner.direct.taut import coarseness  # noqa: PLC0415  (SciPy: a free DLO needs none)
@@ -444,14 +449,7 @@ class Shape(Pictured):
     @property
     def strains(self) -> Floats:
         """(N_L + 1, 3) strains at the nodes, 1/m, interpolated from the elements' middles."""
-        u = self.element_strains
-        if len(u) == 1:
-            return np.repeat(u, 2, axis=0)
-        h = np.diff(self.s)[:, None]
-        inner = (h[1:] * u[:-1] + h[:-1] * u[1:]) / (h[1:] + h[:-1])
-        first = u[0] - (u[1] - u[0]) * h[0] / (h[0] + h[1])
-        last = u[-1] + (u[-1] - u[-2]) * h[-1] / (h[-1] + h[-2])
-        return np.vstack([first, inner, last])
+        return _at_nodes(self.s, self.element_strains)
 
     @property
     def bend_radius(self) -> Floats:
@@ -585,12 +583,15 @@ class Shape(Pictured):
 
     @property
     def surface_strain(self) -> Floats:
-        """(N_L, 2) largest axial and shear strain at the surface; needs `Rod.section`."""
-        return self._section().surface_strain(self.bent)
+        """(N_L, 2) largest axial and shear strain at the surface of each element, ends included.
+
+        Needs `Rod.section`.
+        """
+        return largest_in_elements(self, self._section().surface_strain)
 
     @property
     def surface_stress(self) -> Floats:
-        """(N_L, 2) largest axial and shear stress at the surface, Pa; needs `Rod.section`.
+        """(N_L, 2) the stress of `surface_strain`, Pa.
 
         Elastic, and so an upper bound where the section has yielded.
         """
@@ -647,6 +648,28 @@ class Shape(Pictured):
         In those of `stiffness_matrix`, for shapes as there; the grips at rest.
         """
         return _linearized(self).vibration.jacobian
+
+
+def _at_nodes(s: Floats, values: Floats) -> Floats:
+    """Return (N + 1, k) values at nodes s: on a line through the middles of the elements beside."""
+    if len(values) == 1:
+        return np.repeat(values, 2, axis=0)
+    h = np.diff(s)[:, None]
+    inner = (h[1:] * values[:-1] + h[:-1] * values[1:]) / (h[1:] + h[:-1])
+    first = values[0] - (values[1] - values[0]) * h[0] / (h[0] + h[1])
+    last = values[-1] + (values[-1] - values[-2]) * h[-1] / (h[-1] + h[-2])
+    return np.vstack([first, inner, last])
+
+
+def largest_in_elements(shape: Shape, measure: Callable[[Floats], Floats]) -> Floats:
+    """Return (N_L, ...) the largest `measure` of strains (n, 3) since the stress-free shape.
+
+    Of each element's middle and both its ends: at a clamp that is more than in any middle.
+    """
+    bent = shape.bent
+    ends = measure(_at_nodes(shape.s, bent))
+    result: Floats = np.maximum(measure(bent), np.maximum(ends[:-1], ends[1:]))
+    return result
 
 
 def kernel_arrays(shape: Shape) -> tuple[Floats, Floats, Floats, Floats]:

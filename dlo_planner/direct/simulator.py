@@ -39,7 +39,7 @@ from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.search import STRAINS
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.step import StepInputs, step
+from dlo_planner.direct.statics import StepInputs, step
 from dlo_planner.direct.stepper import Stepper
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.basis import BASES, converging
@@ -51,7 +51,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import STANDARD_GRAVITY, FarEnd, PointLoad, Surroundings
 from dlo_planner.model.value import Value, brief, figures, put, same
-from dlo_planner.model.varying import Stepwise
+from dlo_planner.model.varying import stepwise
 from dlo_planner.progress import OnProgress, Progress
 
 _FARTHEST = 10  # of the length: from where a held far end may be brought
@@ -257,8 +257,8 @@ class DirectSimulator(Value):
             if self.accuracy is not None:
                 mesh = Discretization(self.surroundings, self._history.s, 'local', 0)
             strains = mesh.stress_free(self._history)
-            free |= {'natural_curvature': Stepwise(mesh.s, strains[:, 1:]),
-                     'natural_twist': Stepwise(mesh.s, strains[:, 0])}
+            free |= {'natural_curvature': stepwise(mesh.s, strains[:, 1:]),
+                     'natural_twist': stepwise(mesh.s, strains[:, 0])}
         return self._with(replace(self.surroundings, rod=replace(rod, **free)), None)
 
     def without_obstacles(self) -> Self:

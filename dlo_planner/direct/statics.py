@@ -1,7 +1,20 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One equilibrium: from a gripper's pose and a discretization to a Shape with its proof."""
+"""Statics of a DLO on one mesh: from the shape before to the next, with its proof.
 
+An obstacle that is not touched and a yield stress that is not reached add zeros to the equations.
+So a step is made first without them, and a compiled sweep (`energy.terms.may_act`) looks at the end
+of the step and at the straight way to it. Where something acts, or the DLO remembers something, it
+is made with all that may act.
+
+Where the DLO goes on bearing on obstacles, or in both its grips, a step is a correction of the
+shape before. Else the grips are moved to their places, around obstacles where that can be, and the
+minimum is sought from there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -15,19 +28,404 @@ from dlo_planner.direct.search import (
     MAX_ITERATIONS,
     TOLERANCE,
     Search,
-    is_equilibrium,
+    described_minimum,
+    hinge_unknowns,
     minimum,
+    own_unknowns,
+    turn_of,
+    with_hinge,
 )
 from dlo_planner.direct.shape import NO_WRENCH, Shape, State, contacts_of
+from dlo_planner.energy.ccd import sweeps_through
+from dlo_planner.energy.gap import penetration
+from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.terms import may_act
+from dlo_planner.geometry.so3 import partway
 from dlo_planner.minimize.classic import search
+from dlo_planner.minimize.contact_solver import follow_contact
 from dlo_planner.minimize.convergence import CONVERGED, Minimum
-from dlo_planner.minimize.newton import NEUTRAL
-from dlo_planner.minimize.solve import Solution, outcome, solve_step
+from dlo_planner.minimize.newton import follow_homotopy
+from dlo_planner.minimize.semismooth import correction
+from dlo_planner.minimize.solve import Solution, is_equilibrium, outcome, solve_step
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd, distance, spans
-from dlo_planner.model.value import freeze, put, read_only
+from dlo_planner.model.value import Constant, freeze, put, read_only
+from dlo_planner.model.varying import scaled
+
+
+def between(one: Pose, other: Pose, fraction: float) -> Pose:
+    """Return the Pose at `fraction` of the way: position linear, rotation about one fixed axis."""
+    return Pose.from_rotation(one.position + fraction * (other.position - one.position),
+                              partway(one.rotation, other.rotation, float(fraction)))
+
+
+class Grips(NamedTuple):
+    """What holds a DLO: Pose of the gripper, FarEnd or None."""
+
+    gripper: Pose
+    far_end: FarEnd | None = None
+
+    def towards(self, goal: Grips, fraction: float) -> Grips:
+        """Return where grips are at a fraction of the straight way to `goal`, the grip its own."""
+        far_end = goal.far_end
+        if far_end is not None and self.far_end is not None:
+            far_end = FarEnd(between(self.far_end.pose, far_end.pose, fraction), far_end.grip)
+        return Grips(between(self.gripper, goal.gripper, fraction), far_end)
+
+
+class StepInputs(NamedTuple):
+    """How a DLO is held in a step, what it begins with, and how its shape is sought."""
+
+    memory: Memory | None = None  # that it starts with if there is no Shape of it before
+    far_end: FarEnd | None = None
+    method: str = 'newton'        # as of `DirectSimulator`, like `strains`
+    strains: str = 'components'
+    most: float = np.inf          # rad, by which a DLO that hangs freely may turn, see `Watch`
+
+
+ALONE = StepInputs()
+
+
+def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepInputs = ALONE,
+         start: Floats | None = None) -> Shape:
+    """Return the Shape that follows `initial` (a Shape or None) on a mesh.
+
+    The search begins with the strains `start` (N, 3), if any, instead of those of `initial`.
+    """
+    past, shape = past_of(mesh, initial, how.memory), None
+    if (how.method == 'newton' and mesh.may_hang and past.idle
+            and (mesh.hangs or how.far_end is None or initial is not None)):
+        shape = _searched(mesh, gripper, initial, how, past, start, culled=True)
+        given_up = not shape.converged and how.most < np.inf  # then it is made in parts
+        if not (mesh.hangs or given_up or shape.converged and shape.state.culled):
+            shape = None
+    if shape is None:
+        shape = _searched(mesh, gripper, initial, how, past, start, culled=False)
+    return _with_set_error(shape)
+
+
+def _with_set_error(shape: Shape) -> Shape:
+    """Return a Shape whose history knows how exact its permanent set is.
+
+    The set that a step makes is as exact as the step; what comes later tells nothing of it.
+    """
+    before, after = shape.state.before, shape.state.history
+    if before is None or after is None or not (shape.converged and after.has_set):
+        return shape
+    if before.original_set is None and np.array_equal(before.plastic, after.plastic):
+        return shape
+    error = shape.state.estimate()
+    return replace(shape, state=replace(
+        shape.state, history=replace(after, set_error=max(before.set_error, error)),
+        estimate=Constant(error)))
+
+
+def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepInputs,
+              past: Memory, start: Floats | None, *, culled: bool) -> Shape:
+    """Return what `step` does; `culled`: without what may act."""
+    far_end, newton = how.far_end, how.method == 'newton'
+    if start is not None:
+        strains = start
+    elif initial is None:
+        strains = mesh.stress_free(past)
+    else:
+        strains = (initial.element_strains if mesh.has_nodes(initial.s)
+                   else mesh.strains_from(initial.s, initial.element_strains))
+    watch = _watched(mesh, initial, how.most) if culled else None
+    if culled and far_end is None:
+        return equilibrium(mesh, gripper, strains, past, culled=True, watch=watch)
+    if how.strains == 'paper':
+        system = mesh.local.system(gripper.rotation, gripper.position, past)
+        return shape_of(mesh.local, gripper, described_minimum(mesh, system, strains, how.method),
+                        past)
+    shape = None
+    if newton and initial is not None:
+        if far_end is None:
+            shape = _corrected_contact(mesh, gripper, initial, strains, past)
+        elif initial.far_end is not None and initial.far_end.grip == far_end.grip:
+            shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
+    if shape is not None:
+        return shape
+    if initial is not None and mesh.surroundings.pinned:  # it does not turn with its gripper
+        gripper = Pose.from_rotation(gripper.position, initial.gripper.rotation)
+    gripper, strains, past, clear = _predict(mesh, initial, strains, Grips(gripper, far_end),
+                                             past, culled)
+    if newton and initial is None and far_end is not None:
+        shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
+    if shape is None:
+        shape = equilibrium(mesh, gripper, strains, past, far_end, method=how.method,
+                            culled=culled, watch=watch)
+    return shape if clear else replace(shape, converged=False, jumped=True)
+
+
+def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, strains: Floats,
+                       past: Memory) -> Shape | None:
+    """Return the Shape in which a DLO goes on bearing where it does, or None."""
+    if not mesh.may_hang or not past.in_contact:
+        return None
+    begin = initial.gripper
+    start = (np.array(begin.rotation, order='C'), np.array(past.points.slid), strains,
+             gripper.position - begin.position)
+    before = np.hstack([past.positions - gripper.position, past.tangents])
+    found = follow_contact(mesh.system(gripper.rotation, gripper.position, past), start, TOLERANCE,
+                           MAX_ITERATIONS, EXACT * float(mesh.s[-1]), before)
+    return None if found is None else shape_of(mesh, gripper, found, past)
+
+
+def past_of(mesh: Discretization, initial: Shape | None, memory: Memory | None) -> Memory:
+    """Return the Memory, on a mesh, of the DLO in the Shape `initial` or None."""
+    known = None if initial is None else initial.state.history
+    if (initial is not None and known is not None and len(known.positions)
+            and known.positions is not initial.positions
+            and not np.array_equal(known.positions, initial.positions)):
+        # carried somewhere else since, or predicted: there it has touched nothing yet
+        known = known.permanent_part()
+    return mesh.past(known, memory)
+
+
+def _watched(mesh: Discretization, before: Shape | None, most: float) -> Watch:
+    """Return what a step from `before` (None: stress-free) is watched for; `most`: StepInputs."""
+    if before is None:
+        return UNWATCHED
+    if mesh.has_nodes(before.s):
+        if most == np.inf:
+            return Watch(before.positions)
+        return Watch(before.positions, before.frames, before.gripper.rotation, mesh.sampled, most)
+    if mesh.hangs:
+        return UNWATCHED
+    strains, pose = mesh.strains_from(before.s, before.element_strains), before.gripper
+    places = configuration_at(mesh.system(pose.rotation, culled=True), strains).positions
+    freeze(places := places + pose.position)
+    return UNWATCHED._replace(places=places)
+
+
+def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:
+    """Return how far, in m, the nodes are from the true rod's, by one step with halved elements.
+
+    About what `Shape.error_estimate` says, which makes all steps and proves what it finds. Infinite
+    where such a step tells nothing.
+    """
+    if not shape.contacts or shape.far_end is not None or mesh.yields or not mesh.may_hang:
+        return np.inf
+    gripper, finer = shape.gripper, mesh.finer
+    left = replace(past.under(past), positions=NOWHERE, tangents=NOWHERE).resampled(finer.s)
+    system = finer.system(gripper.rotation, gripper.position, left)
+    return 4 / 3 * float(correction(system, np.array(shape.element_strains),
+                                    shape.positions - gripper.position))
+
+
+# ------------------------------------------------------------------------------------------------
+# The way of the grips to where a search begins.
+
+
+_TURN, _SHIFT = 0.3, 0.08  # rad, part of the length: how far a grip goes in one part
+_FINER = 4   # times the parts of a way that is not found in larger ones
+_FINEST = 3  # times they are made smaller
+_RELAXING = Search(12, False, 1e-5)  # between two parts of a motion
+_SMALLEST = 2.0**-14  # part of the motion: what cannot be moved by it is blocked
+_MORE_PARTS = 1000    # than the longest would need: what takes more of them has got stuck
+_SOFT = 0.1           # of the bending stiffness: torsion below it is soft
+_DEPTH = 1e-5         # of the length: depth in obstacles that is allowed while it grows
+_LEFT = 1e-4          # residual at which a step of growth ends; ten times that is still accepted
+_GROWING = Search(100, False, _DEPTH, _LEFT)
+_LEAST_GROWTH = 2.0**-10  # of the growth: if smaller steps fail, the growth ends there
+
+
+class Predictor(NamedTuple):
+    """Where a search begins: gripper, strains (N, 3), the past; and whether the way is clear."""
+
+    gripper: Pose
+    strains: Floats
+    memory: Memory
+    clear: bool = True
+
+
+def _predict(mesh: Discretization, previous: Shape | None, strains: Floats, goal: Grips,
+             memory: Memory, culled: bool) -> Predictor:
+    """Return where the search begins, the past with the forces of a grip at the end of the way.
+
+    The grips go straight from where they are in `previous`; the DLO gives way. Where an obstacle is
+    between here and there, the motion is made in smaller parts.
+    """
+    (gripper, far_end), amid = goal, mesh.obstructed and not culled
+    if far_end is None and (previous is None or not amid):
+        return Predictor(gripper, strains, memory)
+    strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
+    begin = Grips(gripper if previous is None else previous.gripper)
+    if far_end is not None:  # where the end is now
+        if previous is None:
+            state = configuration_at(mesh.system(gripper.rotation, culled=True), strains)
+            position, frame = gripper.position + state.positions[-1], state.rotations[-1]
+        else:
+            position, frame = previous.positions[-1], previous.frames[-1]
+        begin = Grips(begin.gripper, FarEnd(Pose.from_rotation(position, frame), far_end.grip))
+    parts = _parts_between(begin, goal, float(mesh.s[-1]))
+    if parts == 0:
+        return Predictor(gripper, strains, memory)
+    if far_end is not None and previous is None:
+        return _initial_placement(mesh, strains, begin, goal, memory, parts)
+    if far_end is not None and not amid:
+        return _follow_way(mesh, strains, begin, goal, memory, parts, culled)
+    return _advance_in_parts(mesh, strains, begin, goal, memory, parts)
+
+
+def _parts_between(begin: Grips, goal: Grips, length: float) -> int:
+    """Return in how many parts the motion is to be made at least; 0 if there is none."""
+    pairs = [(begin.gripper, goal.gripper, True)]
+    if begin.far_end is not None and goal.far_end is not None:
+        pairs.append((begin.far_end.pose, goal.far_end.pose, goal.far_end.grip != 'pinned'))
+    parts = 0.0
+    for one, other, turns in pairs:
+        shift = float(np.linalg.norm(other.position - one.position))
+        turn = angle_between(one.rotation, other.rotation) if turns else 0.0
+        if goal.far_end is None:
+            return int(shift + turn > 0)
+        parts = max(parts, shift / (_SHIFT * length), turn / _TURN)
+    return int(np.ceil(parts - 1e-9))
+
+
+def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
+                parts: int, culled: bool) -> Predictor:
+    """Return where the search begins near the end of a straight way of both grips.
+
+    What is left is the last part. Where the DLO does not follow, the way is left there.
+    """
+    held, far_end = begin.far_end, goal.far_end
+    assert held is not None and far_end is not None  # see `_predict`
+    first, last, done = begin.gripper, goal.gripper, 0.0
+    for finer in range(_FINEST):
+        count = int(np.ceil(parts * _FINER**finer * (1.0 - done) - 1e-9))
+        if count <= 1:
+            break
+        shares = done + (1.0 - done) * np.arange(1, count) / count
+        gripped, bases = _way(first, last, shares)
+        held_at, axes = _way(held.pose, far_end.pose, shares)
+        system = mesh.system(bases[0], gripped[0], memory,
+                             FarEnd(Pose.from_rotation(held_at[0], axes[0]), held.grip),
+                             culled=culled)
+        rows = mesh.grip_rows(held.grip, axes)
+        q = mesh.unknowns(strains)
+        if mesh.surroundings.pinned:
+            bases[:] = system.base
+            q, gone = follow_homotopy(with_hinge(system), hinge_unknowns(system, q), bases,
+                                      held_at - gripped, axes, rows)
+            first, last = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
+                           for pose in (first, last))
+            q = own_unknowns(system, q)
+        else:
+            q, gone = follow_homotopy(system, q, bases, held_at - gripped, axes, rows)
+        strains = mesh.strains_of(q)
+        memory = replace(memory, hold=system.hold.multiplier)
+        if gone == len(shares):
+            break
+        done = shares[gone - 1] if gone else done
+    return Predictor(last, strains, memory)
+
+
+def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:
+    """Return positions (n, 3) and rotations (n, 3, 3) at shares (n,) of a straight way."""
+    turned = [partway(one.rotation, other.rotation, share) for share in shares.tolist()]
+    return one.position + shares[:, None] * (other.position - one.position), np.array(turned)
+
+
+def _initial_placement(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips,
+                       memory: Memory, parts: int) -> Predictor:
+    """Return where the search begins for a DLO that is set down in its grips.
+
+    First without obstacles, then it grows to its thickness among them; torsion that is soft is as
+    stiff as bending until then.
+    """
+    from dlo_planner.direct.taut import first_shape  # noqa: PLC0415  (SciPy: a free DLO needs none)
+    (gripper, far_end), amid = goal, mesh.obstructed
+    assert far_end is not None  # see `_predict`
+    firm = _with_firm_torsion(mesh)
+    bare = firm.within(replace(firm.surroundings, obstacles=())) if amid else firm
+    past = bare.past(memory)
+    gripper, strains, past, _ = first_shape(bare, gripper, far_end, past) or _follow_way(
+        bare, strains, begin, goal, past, parts, False)
+    if amid:
+        shape = equilibrium(bare, gripper, strains, past, far_end)
+        past = replace(firm.past(memory), hold=shape.state.left.hold)
+        gripper, strains, past, _ = _grow_thickness(
+            firm, shape.gripper, np.array(shape.element_strains), far_end, past)
+    if firm is not mesh:
+        shape = equilibrium(firm, gripper, strains, past, far_end)
+        gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape.state.left
+    return Predictor(gripper, strains, memory.with_forces(past))
+
+
+def _with_firm_torsion(mesh: Discretization) -> Discretization:
+    """Return a Discretization whose torsion is no softer than its bending; itself if it is not."""
+    rod = mesh.rod
+    twist, bend = rod.stiffness[0], min(rod.stiffness[1:])
+    if rod.yields or twist > _SOFT * bend:
+        return mesh
+    firm = replace(rod, torsional_stiffness=scaled(rod.torsional_stiffness, float(bend / twist)))
+    return mesh.within(mesh.surroundings.of_rod(firm))
+
+
+def _grow_thickness(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd,
+                    memory: Memory) -> Predictor:
+    """Return a DLO grown to its thickness among obstacles, from its strains without them."""
+    system = mesh.system(gripper.rotation, gripper.position, memory, far_end)
+    state = configuration_at(system, strains)
+    thin = growth = penetration(system.scene, system.lengths, state.strains, state.rotations,
+                                state.positions)
+    step = growth
+    while thin > 0.0 and step > _LEAST_GROWTH * growth:
+        wanted = max(0.0, thin - step)
+        system = mesh.system(gripper.rotation, gripper.position, memory, far_end)
+        scene = system.scene  # of a DLO whose surface is deeper everywhere
+        scene = scene._replace(radius=scene.radius - wanted, radii=scene.radii - wanted,
+                               rounding=scene.rounding - wanted)
+        found = minimum(mesh, system._replace(scene=scene), gripper, mesh.unknowns(strains),
+                        memory, _GROWING)
+        if not (found.residual < 10.0 * _LEFT and found.violation < _DEPTH * mesh.s[-1]):
+            step *= 0.5
+            continue
+        thin, step = wanted, min(2 * step, wanted)
+        strains = found.state.strains.copy()
+        if mesh.surroundings.pinned:
+            gripper = Pose.from_rotation(gripper.position, found.system.base)
+        memory = underway(mesh, found, gripper, memory)
+    return Predictor(gripper, strains, memory)
+
+
+def _advance_in_parts(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips,
+                      memory: Memory, parts: int) -> Predictor:
+    """Return where the search begins after a way in parts, around obstacles where it can."""
+    done, step, where, past, left = 0.0, 1.0 / parts, begin.gripper, memory, parts + _MORE_PARTS
+    while done < 1.0:
+        old = configuration_at(mesh.system(where.rotation), strains)
+        target = min(1.0, done + step)
+        there = goal if target == 1.0 else begin.towards(goal, target)
+        system = mesh.system(there.gripper.rotation, there.gripper.position, memory, there.far_end)
+        new = configuration_at(system, strains)
+        shift = there.gripper.position - where.position
+        if sweeps_through(system.scene, system.lengths, old.strains, old.rotations,
+                          old.positions - shift, new.rotations, new.positions):
+            step *= 0.5
+            if step < _SMALLEST or left == 0:
+                return Predictor(goal.gripper, strains, past, False)
+            continue
+        done, where, left = target, there.gripper, max(left - 1, 0)
+        step = min(2 * step, 1.0 / parts)
+        if done == 1.0:
+            break  # what is left is the step itself
+        found = minimum(mesh, system, where, new.q, memory, _RELAXING)
+        strains = found.state.strains
+        if mesh.surroundings.pinned:  # it has turned
+            where, first, last = (Pose.from_rotation(pose.position, found.system.base)
+                                  for pose in (where, begin.gripper, goal.gripper))
+            begin, goal = begin._replace(gripper=first), goal._replace(gripper=last)
+        memory = underway(mesh, found, where, memory)
+    return Predictor(goal.gripper, strains, replace(past, hold=memory.hold))
+
+
+# ------------------------------------------------------------------------------------------------
+# One equilibrium: a search, and the Shape of what it finds.
+
 
 _ELSEWHERE = 0.1       # of the length: a shape in contact that moves so far is another one
 _GRIP_KEPT = 1e-9      # of the length: by how much a grip may be missed at the end
@@ -215,11 +613,6 @@ def hanging_shape(mesh: Discretization, gripper: Pose, strains: Floats, frames: 
         strains, frames, positions, wrench, NO_WRENCH, start.hold, start.plastic, None, None,
         elastic, energy, 0.0, 0.0, 0.0, bool(residual < CONVERGED), residual, stability, iterations,
         0, 0.0, False), start, None, True)
-
-
-def hangs_still(residual: Any, stability: Any) -> Any:
-    """Whether a DLO that hangs freely is in a stable or neutral equilibrium."""
-    return (residual < CONVERGED) & (stability > -NEUTRAL)
 
 
 def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: Floats,

@@ -133,24 +133,9 @@ class TimePoint:
         return result
 
     @property
-    def touched(self) -> bool:
-        """Whether the DLO has touched an obstacle."""
-        return bool(self.row.touched)
-
-    @property
-    def converged(self) -> bool:
-        """Whether it is an equilibrium."""
-        return bool(self.row.converged)
-
-    @property
-    def energies(self) -> Floats:
-        """(9,) J and W, see StepBuffer."""
-        return self.row.energies
-
-    @property
     def balance(self) -> float:
         """Energy that is there, less what was put in, plus what was taken out, J."""
-        energies = self.energies
+        energies = self.row.energies
         given = energies[WORK] + energies[PUSHED]
         lost = energies[DAMPED:RUBBED + 1].sum()
         return float(energies[KINETIC] + energies[STATIC] - given + lost)
@@ -168,7 +153,7 @@ class TimePoint:
             (source, at, places[:, 0], places[:, 1:4], places[:, 4:7], places[:, 7],
              places[:, 8:11], places[:, 11]),
             float(row.energies[ELASTIC]), float(row.energies[STATIC]),
-            float(row.energies[DISSIPATED]), 0.0, 0.0, self.converged, residual, stability,
+            float(row.energies[DISSIPATED]), 0.0, 0.0, bool(row.converged), residual, stability,
             int(row.iterations), 0, violation, False)
         shape = shape_from(mesh, gripper, end, self.begun, far_end, self.free,
                            int(row.evaluations))
@@ -389,7 +374,7 @@ class Stepper:
 
     def guess(self, now: TimePoint, dt: float) -> Floats:
         """Return the strains (N, 3) with which the search for those dt (s) later begins."""
-        return _extrapolated(now.row.bends, dt, 0 if now.touched else 1)
+        return _extrapolated(now.row.bends, dt, 0 if now.row.touched else 1)
 
     def rounding(self, scheme: Scheme) -> float:
         """Return how large a residual rounding errors may leave."""

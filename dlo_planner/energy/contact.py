@@ -16,11 +16,14 @@ from dlo_planner.energy.gap import (
     near_nodes,
     next_touching,
     node_gap,
+    radius_at,
     radius_at_node,
     sliding,
+    taper,
 )
+from dlo_planner.energy.grip import holds
 from dlo_planner.energy.scene import AXIS, NODE_FACE, SHEET, Scene, signed_distance
-from dlo_planner.geometry.kinematics import point_inside, sort_points, spring_at
+from dlo_planner.geometry.kinematics import clear_point, point_inside, sort_points, spring_at
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
@@ -79,9 +82,7 @@ def obstructed(effect: Contact | None) -> bool:
 
 def needs(effect: Contact) -> dict[str, Any]:
     """Return what the solver has to provide for."""
-    amid, beside = obstructed(effect), bool((effect.scene.feature != AXIS).any())
-    return {'displaced': amid, 'attached': True, 'sprung': amid, 'beside': beside,
-            'element': effect.contacts.element}
+    return {'displaced': obstructed(effect), 'attached': True, 'element': effect.contacts.element}
 
 
 def hinged(effect: Contact, _: float) -> Contact:
@@ -120,7 +121,7 @@ def roundoff(effect, system, state, length):
     for c in range(attached.element.size):
         for i in range(3):
             touching |= attached.force[c, i] != 0.0
-    for k in range(attached.sprung.size):
+    for k in range(attached.sprung.size - holds(system.effects.hold)):  # a grip holds the last one
         touching |= attached.sprung[k]
     if not touching:
         return 0.0
@@ -237,12 +238,7 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
             node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
         e, o = contacts.element[c], contacts.obstacle[c]
-        attached.force[c] = 0.0
-        attached.matrix[c] = 0.0
-        if attached.moment.shape[0]:
-            attached.moment[c] = 0.0
-            attached.first[c] = 0.0
-            attached.own[c] = 0.0
+        clear_point(attached, c)
         if o < 0:
             attached.element[c] = e
             energy += add_friction(contacts, c, lengths, strains, rotations, positions, attached)
@@ -254,16 +250,33 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
         force = contacts.multiplier[c] - k * gap
         if force > 0.0:
             energy += 0.5 * force * force / k
+            rolls = _rolls(scene, contacts, c, lengths, attached)
             if scene.feature[o] == AXIS:
-                push(c, force, k, contacts.fraction[c] == 0.0, strains[e], frame, normal, hessian,
-                     attached)
+                push(c, force, k, rolls, strains[e], frame, normal, hessian, attached)
             else:
                 gap_at(scene, o, frame, x, 0.0, offset, x.copy(), normal, hessian)
-                push_beside(scene, o, c, force, k, contacts.fraction[c] == 0.0, strains[e],
-                            frame, offset, normal, hessian, second, attached)
+                push_beside(scene, o, c, force, k, rolls, strains[e], frame, offset, normal,
+                            hessian, second, attached)
         energy -= 0.5 * contacts.multiplier[c] ** 2 / k
     sort_points(attached)
     return energy
+
+
+@kernel
+def _rolls(scene, contacts, c, lengths, attached):
+    """Whether a point of contact moves along the DLO: through a node, but not beyond an end.
+
+    Nor at a node where the surface has an edge, or where a line beside the axis has a kink, for
+    the strain jumps there.
+    """
+    o, e, fraction = contacts.obstacle[c], attached.element[c], attached.fraction[c]
+    if contacts.fraction[c] > 0.0 or 0.0 < fraction < 1.0:
+        return contacts.fraction[c] == 0.0
+    beyond = e + 1 if fraction > 0.0 else e - 1
+    if scene.feature[o] != AXIS or not 0 <= beyond < lengths.size:
+        return False
+    return (taper(scene, o, e) * lengths[beyond] == taper(scene, o, beyond) * lengths[e]
+            and radius_at(scene, o, e, fraction) == radius_at(scene, o, beyond, 1.0 - fraction))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -293,8 +306,7 @@ def push_node(scene, o, node, force, k, rotation, offset, normal, hessian, secon
 def push_beside(scene, o, c, force, k, rolls, strain, rotation, offset, normal, hessian, second,
                 attached):
     """Write the force, moment and stiffness of a contact beside the axis, inside an element."""
-    inside = rolls and 0.0 < attached.fraction[c] < 1.0  # at an end the point does not slide
-    _second(scene, o, inside, force, k, strain, rotation, offset, normal, hessian, second)
+    _second(scene, o, rolls, force, k, strain, rotation, offset, normal, hessian, second)
     for i in range(3):
         attached.force[c, i] = -force * normal[i]
     attached.matrix[c] = second[:6, :6]
@@ -378,8 +390,8 @@ def push(c, force, k, rolls, strain, rotation, normal, hessian, attached):
         attached.force[c, i] = -force * normal[i]
         for j in range(3):
             matrix[3 + i, 3 + j] = k * normal[i] * normal[j] - force * hessian[i, j]
-    if not (rolls and 0.0 < attached.fraction[c] < 1.0):
-        return  # at an end the point does not slide
+    if not rolls:
+        return
     _, curve = along_the_dlo(normal, hessian, rotation, strain)
     if curve <= 0.0:
         return

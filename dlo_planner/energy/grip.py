@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.geometry.kinematics import spring_at
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
@@ -41,21 +42,17 @@ def no_grip(stiffness: float, turn_stiffness: float) -> GripConstraint:
                           stiffness, turn_stiffness)
 
 
+@kernel
 def holds(effect: GripConstraint | None) -> bool:
     """Whether anything of the far end is held."""
-    return effect is not None and effect.multiplier.size > 0
+    if effect is None:
+        return False
+    return effect.multiplier.size > 0
 
 
 def needs(effect: GripConstraint) -> dict[str, Any]:
     """Return what the solver has to provide for."""
     return {'displaced': holds(effect), 'attached': True, 'rows': effect.multiplier.size}
-
-
-@kernel
-def moved_grip(hold, target, axes, rows):
-    """Return the same grip with another target (3,), axes (3, 3) and rows (K, 6)."""
-    return GripConstraint(target, axes, hold.share, rows, hold.multiplier, hold.stiffness,
-                          hold.turn_stiffness)
 
 
 @kernel
@@ -118,35 +115,26 @@ def set_reaction(hold, reaction):
 
 
 @kernel
-def held_twists(hold, rotation, position, out):
-    """Fill out (K, 6): change of c per twist (rotation, displacement) at the gripper's origin."""
-    for row in range(out.shape[0]):
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            # x rotates with the twist: (rotation x position) . row
-            total = position[j] * hold.rows[row, 3 + k] - position[k] * hold.rows[row, 3 + j]
-            for axis in range(3):
-                along = across = 0.0
-                for m in range(3):
-                    along += hold.axes[m, axis] * rotation[m, axis]
-                    across += rotation[m, axis] * hold.rows[row, m]
-                # t x (theta x d) = theta (t . d) - d (t . theta)
-                total += hold.share[axis] * (along * hold.rows[row, i]
-                                             - across * hold.axes[i, axis])
-            out[row, i] = total
-            out[row, 3 + i] = hold.rows[row, 3 + i]
-
-
-@kernel
 def add_forces(effect, system, state):
-    """Write the tip's part of `state.attached`; return the potential in J, and its size."""
+    """Add what holds the last node to it; return the potential in J, and its size."""
     if effect is None:
         return 0.0, 0.0
     energy = 0.0
     if effect.multiplier.size:
-        last = system.lengths.size
-        energy = add_hold(effect, state.rotations[last], state.positions[last], state.attached)
+        n, attached = system.lengths.size, state.attached
+        spring_at(attached, n)
+        energy = add_hold(effect, state.rotations[n], state.positions[n], state.pull[n],
+                          attached.node_moment[n], attached.node_first[n], attached.node_matrix[n])
     return energy, abs(energy)
+
+
+@kernel
+def put_wrench(effect, rotation, position, wrench):
+    """Fill wrench (6,): force and moment of the grip on the free end, N and N m."""
+    force, moment = np.zeros(3), np.zeros(3)
+    add_hold(effect, rotation, position, force, moment, np.zeros((3, 3)), np.zeros((6, 6)))
+    for i in range(3):
+        wrench[i], wrench[3 + i] = -force[i], -moment[i]
 
 
 @kernel
@@ -161,29 +149,43 @@ def roundoff(effect, system, state, length):
 
 @kernel
 def constraint_jacobian(effect, rotation, position, out):
-    """Fill out (K, 6) with `held_twists`."""
+    """Fill out (K, 6): change of c per twist (rotation, displacement) at the gripper's origin."""
     if effect is None:
         return
-    held_twists(effect, rotation, position, out)
+    axes, rows = effect.axes, effect.rows
+    for row in range(out.shape[0]):
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            # x rotates with the twist: (rotation x position) . row
+            total = position[j] * rows[row, 3 + k] - position[k] * rows[row, 3 + j]
+            for axis in range(3):
+                along = across = 0.0
+                for m in range(3):
+                    along += axes[m, axis] * rotation[m, axis]
+                    across += rotation[m, axis] * rows[row, m]
+                # t x (theta x d) = theta (t . d) - d (t . theta)
+                total += effect.share[axis] * (along * rows[row, i] - across * axes[i, axis])
+            out[row, i] = total
+            out[row, 3 + i] = rows[row, 3 + i]
 
 
 @kernel
-def add_hold(hold, rotation, position, attached):
-    """Add to the tip's part of `attached`; return the potential in J."""
-    moment, couple = np.zeros(3), np.empty(3)
+def add_hold(hold, rotation, position, pull, moment, first, spring):
+    """Add to what acts on a node, see `OffNodeLoads`; return the potential in J."""
+    torque, couple = np.zeros(3), np.empty(3)
     energy = 0.0
     for row in range(hold.multiplier.size):
         away = 0.0
         for i in range(3):
             away += hold.rows[row, 3 + i] * (position[i] - hold.target[i])
-            moment[i] += hold.multiplier[row] * hold.rows[row, i]
+            torque[i] += hold.multiplier[row] * hold.rows[row, i]
         energy += away * (hold.multiplier[row] + 0.5 * hold.stiffness * away)
         force = hold.multiplier[row] + hold.stiffness * away
         for i in range(3):
-            attached.tip_force[i] += force * hold.rows[row, 3 + i]
+            pull[i] += force * hold.rows[row, 3 + i]
             for j in range(3):
-                attached.tip_matrix[3 + i, 3 + j] += (hold.stiffness * hold.rows[row, 3 + i]
-                                                      * hold.rows[row, 3 + j])
+                spring[3 + i, 3 + j] += (hold.stiffness * hold.rows[row, 3 + i]
+                                         * hold.rows[row, 3 + j])
     for axis in range(3):
         if hold.share[axis] == 0.0:
             continue
@@ -192,14 +194,14 @@ def add_hold(hold, rotation, position, attached):
             j, k = (i + 1) % 3, (i + 2) % 3
             t, d = hold.axes[i, axis], rotation[i, axis]
             couple[i] = hold.share[axis] * (
-                moment[j] * hold.axes[k, axis] - moment[k] * hold.axes[j, axis]
+                torque[j] * hold.axes[k, axis] - torque[k] * hold.axes[j, axis]
                 - hold.turn_stiffness * t)
             energy += d * couple[i]
             along += t * t
         energy += hold.share[axis] * hold.turn_stiffness * along
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
-            attached.tip_moment[i] += rotation[j, axis] * couple[k] - rotation[k, axis] * couple[j]
+            moment[i] += rotation[j, axis] * couple[k] - rotation[k, axis] * couple[j]
             for j in range(3):
-                attached.tip_first[i, j] += couple[i] * rotation[j, axis]
+                first[i, j] += couple[i] * rotation[j, axis]
     return energy

@@ -12,7 +12,7 @@ import numpy as np
 
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.energy.terms import add_forces, add_stiffness
-from dlo_planner.geometry.hessian import second_order, widened
+from dlo_planner.geometry.hessian import fill_blocks
 from dlo_planner.geometry.kinematics import add_gradient, forward_kinematics, reset
 from dlo_planner.geometry.record import copy
 from dlo_planner.kernels import kernel
@@ -69,17 +69,6 @@ def value_at(basis, q, e):
     return x, y, z
 
 
-@kernel(inline='always')
-def at_element(basis, q, e, i):
-    """Return component i of the unknowns q (m, 3) at element e: the series' value there."""
-    if basis.shape[1] == 0:
-        return q[e, i]
-    value = 0.0
-    for j in range(basis.shape[1]):
-        value += basis[e, j] * q[j, i]
-    return value
-
-
 @kernel
 def evaluate(system: Problem, state: Configuration) -> tuple[float, float]:
     """Refill `state` for its q; return the potential and the size of its rounding errors, in J."""
@@ -131,15 +120,10 @@ def project(basis, values, out):
 
 @kernel
 def element_hessian(system, state, twist_jacobian, cross, diagonal, base):
-    """Fill the semi-separable Hessian by the scaled strains (see `geometry.kinematics`).
-
-    The blocks have 3 rows (columns) in statics, where only the rotation of what lies beyond
-    counts, and 6 where its displacement matters as well.
-    """
-    second_order(system.lengths, state.strains, state.arcs, system.scale, state.rotations,
-                 state.positions, state.pull, state.attached, twist_jacobian, cross, diagonal, base)
-    widened(system.needs.displaced, system.lengths, state.strains, system.scale, state.rotations,
-            state.positions, state.weight, state.attached, twist_jacobian, cross, diagonal)
+    """Fill the semi-separable Hessian by the scaled strains, see `geometry.hessian`."""
+    fill_blocks(system.needs.displaced, system.lengths, state.strains, state.arcs, system.scale,
+                state.rotations, state.positions, state.pull, state.weight, state.attached,
+                twist_jacobian, cross, diagonal, base)
     add_stiffness(system.effects, system, state, diagonal)
 
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.energy.terms import TERMS, Structure, Terms, structure_of, width, with_terms
+from dlo_planner.energy.terms import TERMS, Structure, Terms, structure_of, width
 from dlo_planner.geometry.kinematics import new_attached
-from dlo_planner.geometry.record import Record
+from dlo_planner.geometry.record import Record, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 
@@ -87,31 +87,10 @@ class Configuration(Record):
     attached: Any  # what acts elsewhere than on the nodes; None: nothing
 
 
-def tip_wrench(state: Configuration) -> Floats:
-    """Return (6,) derivative of the potential by displacement and rotation of the free end."""
-    attached = state.attached
-    if attached is None:
-        return np.zeros(6)
-    return np.concatenate([attached.tip_force, attached.tip_moment])
-
-
 @kernel
 def with_gripper(system, base, origin):
     """Return the same system in a gripper with rotation `base` (3, 3) at `origin` (3,)."""
-    return Problem(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
-                   base, origin, system.effects, system.needs, system.proximal_point,
-                   system.proximal_weight)
-
-
-@kernel
-def with_gripper_and_grip(system, base, hold):
-    """Return the same system in a gripper with rotation `base` (3, 3), its far end in `hold`."""
-    effects = system.effects
-    return Problem(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
-                   base, system.origin,
-                   with_terms(effects, effects.elastic, effects.plastic, effects.anchor, hold,
-                              effects.contact),
-                   system.needs, system.proximal_point, system.proximal_weight)
+    return replaced(system, 'base', base, 'origin', origin)
 
 
 @kernel

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.geometry.record import Record
+from dlo_planner.geometry.record import Record, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.cutout import CutOut
@@ -81,10 +81,7 @@ class Scene(Record):
 @kernel
 def translated(scene, shift):
     """Return the same Scene for a gripper displaced by shift (3,), m."""
-    return Scene(scene.source, scene.kind, scene.axes, scene.center, scene.size, scene.friction,
-                 scene.hole_of, scene.hole_center, scene.hole_axis, scene.hole_size, scene.radius,
-                 scene.origin + shift, scene.feature, scene.offset, scene.rounding, scene.span,
-                 scene.radii, scene.inner)
+    return replaced(scene, 'origin', scene.origin + shift)
 
 
 class _Edge(NamedTuple):

@@ -80,15 +80,6 @@ class Terms(Record):
     contact: Any  # Contact or None
 
 
-@kernel
-def with_terms(effects, elastic, plastic, anchor, hold, contact):
-    """Return the same Terms with others of those that change from step to step.
-
-    The one place that makes Terms from Terms: a new term is named here and nowhere else.
-    """
-    return Terms(elastic, plastic, effects.load, anchor, hold, contact)
-
-
 def free_terms(pull: Floats) -> Terms:
     """Return the Terms of an elastic DLO under forces `pull` (N + 1, 3) alone."""
     there = {'elastic': elastic.purely_elastic(), 'load': Load(pull)}
@@ -199,8 +190,7 @@ def structure_of(effects: Terms, nodes: int) -> Structure:
     attached = border = None
     if any('attached' in one for one in asked):
         element = np.concatenate([one.get('element', _NOWHERE) for one in asked])
-        attached = nothing_attached(nodes if any(one.get('sprung') for one in asked) else 0,
-                                    element, any(one.get('beside', False) for one in asked))
+        attached = nothing_attached(nodes, element)
     if any('rows' in one for one in asked):
         held = sum(one.get('rows', 0) for one in asked)
         border = KKTBorder(np.empty((held, 0, 3)), np.empty((held, 0, 3)), np.empty((0, 0)),

@@ -22,7 +22,7 @@ from dlo_planner.geometry.so3 import (
     put_vector,
     rotation_and_chord,
     rotation_and_chord_with,
-    slope_with,
+    slope,
     times,
     transposed_applied,
     vector,
@@ -34,53 +34,38 @@ from dlo_planner.model.arrays import Bools, Floats, Ints
 # What acts on a DLO elsewhere than as a force on a node: on points inside elements, on the tip.
 
 
-_NOTHING = (0.0, 0.0, 0.0)
+NOTHING = (0.0, 0.0, 0.0)
 
 
 class OffNodeLoads(Record):
-    """What acts on C points inside elements, on nodes that are sprung, and on the tip."""
+    """What acts on C points inside elements; and on nodes, but for forces: those are `pull`'s."""
 
     element: Ints  # (C,) index of the element of each point
     fraction: Floats  # (C,) place of each point, as a part of the element's length
     order: Ints  # (C,) the points by their elements
     force: Floats  # (C, 3) derivative of the potential by the point's position, N
-    # (C, 6, 6) its second derivative by the twist (rotation, displacement) of the frame there, the
-    # part that is not due to `force` being carried along
+    moment: Floats  # (C, 3) derivative by the rotation of the frame at the point, N m
+    first: Floats  # (C, 3, 3) sum of force r^T of what is fixed to that frame at offsets r
+    # (C, 6, 6) second derivative by the twist (rotation, displacement) of that frame, the part that
+    # is not due to forces being carried along
     matrix: Floats
-    spring: Floats  # (N + 1, 3, 3) second derivative by the node positions, N/m
-    sprung: Bools  # (N + 1,) where there is such a spring
-    moment: Floats  # (C, 3) derivative by the rotation of the frame at the point
-    first: Floats  # (C, 3, 3) sum of force r^T of what is fixed to it at offsets r
     # (C, 3, 9) second derivative by the strain of the element itself, beyond that by the twist:
-    # with the twist and the strain. All (0, ...) where all forces act on the axis
+    # with the twist and the strain
     own: Floats
-    # as `moment`, at the nodes where sprung; (0, 3) where all forces act on the axis
+    sprung: Bools  # (N + 1,) the nodes that have what follows, as of points
     node_moment: Floats
-    node_first: Floats  # as `first`, at the nodes
-    node_matrix: Floats  # as `matrix`, at the nodes
-    tip_force: Floats  # (3,) derivative by the displacement of the free end, N
-    tip_moment: Floats  # (3,) derivative by the rotation of the free end, N m
-    tip_first: Floats  # (3, 3) sum of force r^T of what is fixed to the free end at offsets r
-    tip_matrix: Floats  # (6, 6) as `matrix`
+    node_first: Floats
+    node_matrix: Floats
 
 
 @kernel
-def nothing_attached(nodes: int, element: Ints, beside: bool = False) -> OffNodeLoads:
-    """Return an empty OffNodeLoads for points in the given elements (C,).
-
-    Args:
-        element: (C,) ascending
-        nodes: how many may be sprung, N + 1 or 0
-        beside: whether forces may act beside the axis
-    """
+def nothing_attached(nodes: int, element: Ints) -> OffNodeLoads:
+    """Return an empty OffNodeLoads of N + 1 nodes and points in the elements (C,), ascending."""
     c = element.size
-    d, n = (c, nodes) if beside else (0, 0)
     return OffNodeLoads(element.copy(), np.zeros(c), np.arange(c), np.zeros((c, 3)),
-                        np.zeros((c, 6, 6)), np.zeros((nodes, 3, 3)),
-                        np.zeros(nodes, dtype=np.bool_), np.zeros((d, 3)), np.zeros((d, 3, 3)),
-                        np.zeros((d, 3, 9)), np.zeros((n, 3)), np.zeros((n, 3, 3)),
-                        np.zeros((n, 6, 6)), np.zeros(3), np.zeros(3), np.zeros((3, 3)),
-                        np.zeros((6, 6)))
+                        np.zeros((c, 3)), np.zeros((c, 3, 3)), np.zeros((c, 6, 6)),
+                        np.zeros((c, 3, 9)), np.zeros(nodes, dtype=np.bool_),
+                        np.empty((nodes, 3)), np.empty((nodes, 3, 3)), np.empty((nodes, 6, 6)))
 
 
 @kernel
@@ -88,36 +73,29 @@ def new_attached(like):
     """Return an empty OffNodeLoads with the sizes of `like`; None for None."""
     out = like
     if like is not None:
-        out = nothing_attached(like.sprung.size, like.element,
-                               like.moment.shape[0] + like.node_moment.shape[0] > 0)
+        out = nothing_attached(like.sprung.size, like.element)
     return out
 
 
 @kernel
 def reset(attached):
-    """Forget what acts on nodes and on the tip; points are written anew by whose they are."""
+    """Forget what acts on nodes; points are written anew by whose they are."""
     if attached is None:
         return
     for k in range(attached.sprung.size):
         attached.sprung[k] = False
-    for i in range(3):
-        attached.tip_force[i] = attached.tip_moment[i] = 0.0
-        for j in range(3):
-            attached.tip_first[i, j] = 0.0
-    for i in range(6):
-        for j in range(6):
-            attached.tip_matrix[i, j] = 0.0
 
 
 @kernel
 def attached_forces(attached, length):
-    """Return the sum of what acts elsewhere than on the nodes, N; moments over a `length` in m."""
+    """Return the sum of forces on points, N, and of moments on nodes over a `length` in m."""
     if attached is None:
         return 0.0
     forces = 0.0
-    for i in range(3):
-        forces += abs(attached.tip_force[i])
-        forces += abs(attached.tip_moment[i]) / length
+    for k in range(attached.sprung.size):
+        if attached.sprung[k]:
+            for i in range(3):
+                forces += abs(attached.node_moment[k, i]) / length
     for c in range(attached.element.size):
         for i in range(3):
             forces += abs(attached.force[c, i])
@@ -126,17 +104,32 @@ def attached_forces(attached, length):
 
 @kernel
 def spring_at(attached, node):
-    """Return the (3, 3) spring of a node, to be added to."""
+    """Return the (3, 3) spring of a node, to be added to, as is all else that acts on it."""
     if not attached.sprung[node]:
         attached.sprung[node] = True
-        for i in range(3):
-            for j in range(3):
-                attached.spring[node, i, j] = 0.0
-        if attached.node_moment.shape[0]:
-            attached.node_moment[node] = 0.0
-            attached.node_first[node] = 0.0
-            attached.node_matrix[node] = 0.0
-    return attached.spring[node]
+        _clear(attached.node_moment, attached.node_first, attached.node_matrix, node)
+    return attached.node_matrix[node, 3:, 3:]
+
+
+@kernel
+def clear_point(attached, c):
+    """Forget what acts on a point."""
+    _clear(attached.moment, attached.first, attached.matrix, c)
+    for i in range(3):
+        attached.force[c, i] = 0.0
+        for j in range(9):
+            attached.own[c, i, j] = 0.0
+
+
+@kernel
+def _clear(moment, first, matrix, k):
+    for i in range(3):
+        moment[k, i] = 0.0
+        for j in range(3):
+            first[k, i, j] = 0.0
+    for i in range(6):
+        for j in range(6):
+            matrix[k, i, j] = 0.0
 
 
 @kernel
@@ -171,23 +164,7 @@ def acts_inside(attached, place, element):
 
 
 @kernel
-def moments_on_nodes(attached):
-    """Whether moments may act on nodes."""
-    if attached is None:
-        return False
-    return attached.node_moment.shape[0] > 0
-
-
-@kernel
-def at_tip(attached):
-    """Return force and moment, as tuples, that act on the free end."""
-    if attached is None:
-        return _NOTHING, _NOTHING
-    return vector(attached.tip_force), vector(attached.tip_moment)
-
-
-@kernel
-def plus_at_node(attached, node, moment):
+def plus_moment(attached, node, moment):
     """Return a moment (3 numbers), and that which acts on a node."""
     if attached is None:
         return moment
@@ -246,56 +223,52 @@ def add_gradient(lengths, strains, arcs, rotations, positions, pull, attached, g
         by_shift, by_turn: (3,) filled: derivative by the gripper's displacement and by its rotation
             about its own origin, world frame
     """
-    n = lengths.size
-    place, beside = last_point(attached), moments_on_nodes(attached)
+    place = last_point(attached)
     # sum of pull beyond the element, and their moment about the element's far end
-    force, moment = at_tip(attached)
-    for k in range(n):
-        e = n - 1 - k
-        h = lengths[e]
+    force, moment = NOTHING, NOTHING
+    for k in range(lengths.size):
+        e = lengths.size - 1 - k
+        h, frame = lengths[e], matrix(rotations[e])
         force = plus(force, vector(pull[e + 1]))
-        if beside:
-            moment = plus_at_node(attached, e + 1, moment)
-        frame = matrix(rotations[e])
-        own = slope_with(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h,
-                         transposed_applied(frame, force), transposed_applied(frame, moment),
-                         coefficients_in(arcs[e]))
+        moment = plus_moment(attached, e + 1, moment)
+        own = slope(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h,
+                    transposed_applied(frame, force), transposed_applied(frame, moment),
+                    coefficients_in(arcs[e]))
         for j in range(3):
             gradient[e, j] += h * own[j]
         moment = plus(moment, cross((positions[e + 1, 0] - positions[e, 0],
                                      positions[e + 1, 1] - positions[e, 1],
                                      positions[e + 1, 2] - positions[e, 2]), force))
         if acts_inside(attached, place, e):
-            place, force, moment = _add_points(attached, place, e, h, strains, rotations, force,
+            place, force, moment = _add_points(attached, place, e, h, strains, frame, force,
                                                moment, gradient)
     put_vector(plus(force, vector(pull[0])), by_shift)
     put_vector(moment, by_turn)
 
 
 @kernel
-def _add_points(attached, place, e, h, strains, rotations, force, moment, gradient):
-    """Add what acts inside element e to its gradient; return place, force and moment before it."""
+def _add_points(attached, place, e, h, strains, frame, force, moment, gradient):
+    """Add what acts inside element e to its gradient; return place, force and moment before it.
+
+    A point is the far end of an element as well: of the part of this one that is before it.
+    """
     if attached is None:
         return place, force, moment
-    while place >= 0 and attached.element[attached.order[place]] == e:
-        part, arm = np.empty((6, 3)), np.empty(3)
+    while acts_inside(attached, place, e):
         c = attached.order[place]
-        point_force = vector(attached.force[c])
-        part_of_element(h, attached.fraction[c], strains[e], _UNSCALED, rotations[e], part, arm)
+        load, couple = vector(attached.force[c]), vector(attached.moment[c])
+        length = attached.fraction[c] * h
+        x, y, z = length * strains[e, 0], length * strains[e, 1], length * strains[e, 2]
+        arc = coefficients(x * x + y * y + z * z)
+        own = slope(x, y, z, length, transposed_applied(frame, load),
+                    transposed_applied(frame, couple), arc)
         for j in range(3):
-            gradient[e, j] += inner((part[3, j], part[4, j], part[5, j]), point_force)
-        if attached.moment.shape[0]:
-            moment = plus(moment, vector(attached.moment[c]))
-            for j in range(3):
-                gradient[e, j] += inner((part[0, j], part[1, j], part[2, j]),
-                                        vector(attached.moment[c]))
-        moment = plus(moment, cross(vector(arm), point_force))
-        force = plus(force, point_force)
+            gradient[e, j] += length * own[j]
+        _, chord = rotation_and_chord_with(x, y, z, length, arc)
+        moment = plus(plus(moment, couple), cross(applied(frame, chord), load))
+        force = plus(force, load)
         place -= 1
     return place, force, moment
-
-
-_UNSCALED = np.ones(3)
 
 
 @kernel

@@ -44,6 +44,7 @@ if COMPILED:
         name = f'{cls.__name__}Type'
         kind = structref.register(type(name, (_RecordType,), {'__module__': cls.__module__}))
         setattr(sys.modules[cls.__module__], name, kind)  # numba's pickles look for it there
+        kind.made_by = cls
         structref.define_proxy(cls, kind, fields)
 
     def _fields(record: Any) -> Any:
@@ -59,7 +60,7 @@ if COMPILED:
         exec(f'def read(record):\n    return ({values})', scope)
         return scope['read']
 
-    @kernel
+    @kernel(forceinline=True)
     def read(record: Any) -> Any:
         """Return all fields of a Record, as a tuple."""
         return _fields(record)
@@ -123,6 +124,26 @@ def _maker(kind: type[Record]) -> Callable[..., Any]:
     exec(f'def _new_{kind.__name__}({fields}):\n    return Kind({fields})', scope)
     result: Callable[..., Any] = kernel(scope[f'_new_{kind.__name__}'])
     return result
+
+
+def replaced(record: Any, *changes: Any) -> Any:
+    """Return the same Record with other values of some fields: a name, its value, and so on.
+
+    For kernels, whose constants the names are; elsewhere there is `_replace`.
+    """
+    return Record._replace(record, **dict(zip(changes[::2], changes[1::2], strict=True)))
+
+
+if COMPILED:
+    @overload(replaced, prefer_literal=True)
+    def _replaced_by(record, *changes):
+        """Write the function that makes such a record."""
+        values = {getattr(name, 'literal_value', None): f'changes[{2 * k + 1}]'
+                  for k, name in enumerate(changes[::2])}
+        fields = ', '.join(values.pop(name, f'record.{name}') for name, _ in record._fields)
+        scope: dict[str, Any] = {'Kind': record.made_by}
+        exec(f'def make(record, *changes):\n    return Kind({fields})', scope)
+        return None if values else scope['make']  # a field that there is none of
 
 
 # ------------------------------------------------------------------------------------------------

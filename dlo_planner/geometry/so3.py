@@ -165,6 +165,13 @@ def outer(a, b):
 
 
 @kernel
+def rows_scaled(w, m):
+    """Return the matrix m with its rows times the numbers of a vector."""
+    return (w[0] * m[0], w[0] * m[1], w[0] * m[2], w[1] * m[3], w[1] * m[4], w[1] * m[5],
+            w[2] * m[6], w[2] * m[7], w[2] * m[8])
+
+
+@kernel
 def without_trace(m):
     """Return m - trace(m) I."""
     trace = m[0] + m[4] + m[8]
@@ -290,21 +297,15 @@ def jacobians_with(x, y, z, h, c):
 
 
 @kernel(forceinline=True)
-def slope(x: float, y: float, z: float, h: float, force: Vector, moment: Vector) -> Vector:
+def slope(x, y, z, h, force, moment, c):
     """Return (3 numbers) the derivative of a load's potential by phi = (x, y, z).
 
-    That is J^T moment + (d(h J e1) / dphi)^T force, written out.
+    That is J^T moment + (d(h J e1) / dphi)^T force, written out; c: `coefficients`.
 
     Args:
         force: (3 numbers) on the far end, as derivative of the potential, in this element's frame
         moment: likewise, about that end
     """
-    return slope_with(x, y, z, h, force, moment, coefficients(x * x + y * y + z * z))
-
-
-@kernel(forceinline=True)
-def slope_with(x, y, z, h, force, moment, c):
-    """Return what `slope` does, of c = `coefficients`."""
     a2 = x * x + y * y + z * z
     c1, c2, (d1, d2) = c[1], c[2], first_slopes(c)
     b0, b1, b2 = force
@@ -322,21 +323,15 @@ def slope_with(x, y, z, h, force, moment, c):
             + h * (c2 * (x * b2 - 2 * z * b0) + c1 * b1))
 
 
-@kernel
-def second_derivatives(x, y, z, h, force, moment):
+@kernel(forceinline=True)
+def second_derivatives(x, y, z, h, force, moment, c):
     """Return (9 numbers) the second derivative of a load's potential through this one element.
 
     For a dead force b on the far end and a moment a about it (both in this element's frame,
     as derivatives of the potential): d2/dphi2 of b . h J(phi) e1, plus the part of the rotation's
-    second variation that comes from dJ/dphi, i.e. the quadratic form a . (dJ[d] d).
+    second variation that comes from dJ/dphi, i.e. the quadratic form a . (dJ[d] d). c:
+    `coefficients`.
     """
-    c = coefficients(x * x + y * y + z * z)
-    return second_derivatives_with(x, y, z, h, force, moment, c)
-
-
-@kernel(forceinline=True)
-def second_derivatives_with(x, y, z, h, force, moment, c):
-    """Return what `second_derivatives` does, of c = `coefficients`."""
     a2 = x * x + y * y + z * z
     c2, (d1, d2), (dd1, dd2) = c[2], first_slopes(c), second_slopes(c)
     b0, b1, b2 = h * force[0], h * force[1], h * force[2]

@@ -34,7 +34,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, of_length
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, put
-from dlo_planner.model.varying import Along, Expanded, Scaled, Shifted, Table, scaled
+from dlo_planner.model.varying import Along, Expanded, Mapped, Table, scaled
 
 # Quantities whose x is a logarithm, and what it scales: of GJ, EI_n, EI_b; of the masses spread
 # along the DLO, those at points, that at its tip.
@@ -236,10 +236,8 @@ class RodParameters(Value):
             if len(values) > 1:
                 return Table(self.knots, values if len(components) > 1 else values[:, 0])
             stated, terms = values[0], np.zeros_like(terms)
-        if terms[1:].any():
+        if callable(stated) or terms[1:].any():
             return Expanded(stated, terms, length)
-        if callable(stated):
-            return Shifted(stated, terms[0])
         values = np.atleast_1d(stated) + terms[0]
         return tuple(values.tolist()) if len(components) > 1 else float(values[0])
 
@@ -248,7 +246,7 @@ def _scaled(content: Along, factors: Floats) -> Along:
     """Return a pair, or a function of s, times factors (2,)."""
     if factors[0] == factors[1]:
         return scaled(content, float(factors[0]))
-    return Scaled(content, factors) if callable(content) else tuple(content * factors)
+    return Mapped(content, factors) if callable(content) else tuple(content * factors)
 
 
 class Unknowns:

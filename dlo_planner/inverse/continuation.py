@@ -190,11 +190,11 @@ class Family(ABC):
         stability = passing.shape.stability
         if stability < -NEUTRAL:
             return builder.refusal('stability', -stability, 'the DLO would not stay in the shape '
-                                   f'{self.what}; stability {stability:.3g} < 0')
+                                   f'{self.what}; stability {stability:.3g} < 0', '')
         against = self.against(passing)
         if against is not None:
             return builder.refusal('direction', -against[1], f'the DLO would pass {against[0]} '
-                                   'against its direction')
+                                   'against its direction', '')
         too_far = 0.0 if before is None else self.too_far(before, passing, builder.step)
         if too_far:
             return builder.refusal('continuity', too_far, 'the gripper would have to turn or move '

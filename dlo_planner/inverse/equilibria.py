@@ -29,11 +29,13 @@ from dlo_planner.energy.potential import configuration_at, evaluate
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
 from dlo_planner.geometry.so3 import (
     applied,
+    coefficients,
     cross,
     matrix,
     plus,
     put_matrix,
     rotation_and_chord,
+    rotation_and_chord_with,
     slope,
     times_transposed,
     transposed_applied,
@@ -86,9 +88,10 @@ def integrate_from_tip(system: Problem, end: Floats) -> tuple[Floats, Floats]:
         far_force = transposed_applied(frame, force)
         far_moment = transposed_applied(frame, moment)
         for _ in range(_ROUNDS):
-            turn, _ = rotation_and_chord(h * u[0], h * u[1], h * u[2], h)
-            bend = slope(h * u[0], h * u[1], h * u[2], h, applied(turn, far_force),
-                         applied(turn, far_moment))
+            x, y, z = h * u[0], h * u[1], h * u[2]
+            arc = coefficients(x * x + y * y + z * z)
+            turn, _ = rotation_and_chord_with(x, y, z, h, arc)
+            bend = slope(x, y, z, h, applied(turn, far_force), applied(turn, far_moment), arc)
             change = 0.0
             for i in range(3):
                 wanted = natural[e, i] - bend[i] / stiffness[e, i]

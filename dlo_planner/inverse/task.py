@@ -81,10 +81,11 @@ class PlanContext:
         required, rod = self.requirements, self.simulator.rod
         speeds = (checked_speed('linear_speed', required.limits.linear_speed, rod.length),
                   checked_speed('angular_speed', required.limits.angular_speed))
-        touched = self.touching
+        around, touched = self.simulator.obstacles, self.touching
         return Judge(
-            speeds, self.progress, required.workspace, () if touched else self.simulator.obstacles,
-            Surface.of(rod), tolerance=required.tolerance, stability=required.stability,
+            speeds, self.progress, required.workspace, () if touched else around,
+            around if touched else (), Surface.of(rod), tolerance=required.tolerance,
+            stability=required.stability,
             yield_limits=None if required.allow_plastic else _yield_limits(self.given.rod),
             simulator=None if touched else self.simulator.without_obstacles())
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The decorator of all kernels: compiled by numba once, plain Python where that is not wanted.
 
-Machine code is kept between processes: `cache` says what, `folders` where. A kernel may read
+Machine code is kept between processes: `dispatcher` says what, `files` where. A kernel may read
 constants, Records and other kernels by name; `fingerprint` says what it may not.
 
 Without numba, or with NUMBA_DISABLE_JIT=1 (for a debugger, or to measure coverage), a kernel is the

@@ -30,7 +30,7 @@ from dlo_planner.energy.gap import (
     slope_along,
     taper,
 )
-from dlo_planner.energy.scene import FACE, NODE_FACE
+from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import with_contacts_of, with_springs
@@ -103,10 +103,11 @@ def update_active_set(system, state):
 def free_to_roll(system, state, old):
     """Return the ContactSet `old` as a step begins in which points may roll far.
 
-    Those that have rolled to the same element are one. The middle of an element that bends as the
-    obstacle does, and that alone bears on it, is a point that rolls.
+    Those that have rolled to the same element are one, and so are a point and the node that it has
+    come to. The middle of an element that bends as the obstacle does, and that alone bears on it,
+    is a point that rolls.
     """
-    at, _ = _rolled_to(system, state)
+    at, places = _rolled_to(system, state)
     node, multiplier, fraction = old.node.copy(), old.multiplier.copy(), old.fraction.copy()
     kept, last = np.ones(at.size, dtype=np.bool_), system.lengths.size
     for c in range(at.size):
@@ -128,6 +129,11 @@ def free_to_roll(system, state, old):
                     and old.obstacle[b] == o and at[b] == at[c]):
                 kept[c] = False
                 multiplier[b] += multiplier[c]
+        k = at[c] + (places[c] - at[c] > 0.5)  # a node alone would not roll
+        if (kept[c] and fraction[c] == 0.0 and 0 < k < last and abs(places[c] - k) < _AT_NODE
+                and system.effects.contact.scene.feature[o] == AXIS):
+            multiplier[c] += max(node[o, k], 0.0)
+            node[o, k] = 0.0
     return with_contacts_of(with_springs(old, old.stiffness, node, multiplier), old.element[kept],
                             old.obstacle[kept], multiplier[kept], fraction[kept],
                             old.anchor[kept], old.normal[kept], old.shear[kept])

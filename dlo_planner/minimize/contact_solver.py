@@ -250,6 +250,7 @@ def _exchanged(system, state, exact):
     And the ContactSet that is to be tried then.
     """
     old, normal, hessian = system.effects.contact.contacts, np.empty(3), np.empty((3, 3))
+    held_back, less = old.node.copy(), old.multiplier.copy()
     changes = _let_push(old) < -old.stiffness * exact or _met(old, state.attached)
     node = old.node.copy()
     new, _ = update_active_set(system, state)
@@ -261,6 +262,8 @@ def _exchanged(system, state, exact):
             changes = changes or gap < -exact
     new = with_springs(new, new.stiffness, old.node.copy(), new.multiplier)
     old.node[:] = node
+    if not changes:  # what is pressed in by less than `exact` is no contact, and not to stiffen one
+        old.node[:], old.multiplier[:] = held_back, less
     return changes, new
 
 

@@ -18,9 +18,8 @@ from dlo_planner.energy.grip import constraint_violation
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.energy.scene import Scene
-from dlo_planner.energy.terms import Structure, with_terms
 from dlo_planner.geometry.kinematics import nothing_attached, point_inside
-from dlo_planner.geometry.record import Record
+from dlo_planner.geometry.record import Record, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.convergence import residual_of
 from dlo_planner.model.arrays import Floats, Ints
@@ -169,30 +168,25 @@ def _slip_error(system, state, contacts, c):
 def with_contacts_of(old, element, obstacle, multiplier, fraction, anchor, normal, shear):
     """Return ContactSet with other points, in the order of their elements."""
     order = np.argsort(element, kind='mergesort')
-    return ContactSet(old.stiffness, old.node, element[order], obstacle[order], multiplier[order],
-                      fraction[order], anchor[order], normal[order], shear[order], old.grip)
+    return replaced(old, 'element', element[order], 'obstacle', obstacle[order],
+                    'multiplier', multiplier[order], 'fraction', fraction[order],
+                    'anchor', anchor[order], 'normal', normal[order], 'shear', shear[order])
 
 
 @kernel
 def with_springs(contacts, stiffness, node, multiplier):
     """Return the same ContactSet with springs of another stiffness, and other multipliers."""
-    return ContactSet(stiffness, node, contacts.element, contacts.obstacle, multiplier,
-                      contacts.fraction, contacts.anchor, contacts.normal, contacts.shear.copy(),
-                      contacts.grip)
+    return replaced(contacts, 'stiffness', stiffness, 'node', node, 'multiplier', multiplier,
+                    'shear', contacts.shear.copy())
 
 
 @kernel
 def with_contacts(system, contacts, scene):
     """Return the same Problem with another ContactSet and Scene."""
-    needs, effects = system.needs, system.effects
-    beside = needs.attached.moment.shape[0] + needs.attached.node_moment.shape[0] > 0
-    attached = nothing_attached(needs.attached.sprung.size, contacts.element, beside)
-    return Problem(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
-                   system.base, system.origin,
-                   with_terms(effects, effects.elastic, effects.plastic, effects.anchor,
-                              effects.hold, Contact(scene, contacts)),
-                   Structure(needs.displaced, attached, needs.border), system.proximal_point,
-                   system.proximal_weight)
+    attached = nothing_attached(system.lengths.size + 1, contacts.element)
+    return replaced(system,
+                    'effects', replaced(system.effects, 'contact', Contact(scene, contacts)),
+                    'needs', replaced(system.needs, 'attached', attached))
 
 
 @kernel
@@ -234,7 +228,7 @@ def update_friction(system: Problem, contacts: ContactSet, state: Configuration,
             _place_before(system, state, previous, contacts.element[c], contacts.fraction[c],
                           former)
             anchors[p] += contacts.anchor[c] - former
-            _cut(contacts.shear[c], normals[p], limits[p], shears[p])
+            _put_across(contacts.shear[c], normals[p], shears[p])
     kept = contacts.obstacle >= 0
     return with_contacts_of(
         contacts, np.concatenate((contacts.element[kept], elements)),
@@ -272,12 +266,11 @@ def _friction_before(contacts, obstacle, element, fraction):
 
 
 @kernel
-def _cut(shear, normal, limit, out):
-    """Fill out (3,) with what is across the normal of shear (3,), and no more than the limit."""
-    along, square = np.sum(shear * normal), 0.0
+def _put_across(shear, normal, out):
+    """Fill out (3,) with what is across the normal of shear (3,)."""
+    along = np.sum(shear * normal)
     for i in range(3):
         out[i] = shear[i] - along * normal[i]
-        square += out[i] * out[i]
 
 
 @kernel

@@ -29,7 +29,6 @@ from dlo_planner.geometry.kinematics import attached_forces
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hessian import assembled_definite, new_hessian, solve
 from dlo_planner.minimize.kkt import dot
-from dlo_planner.model.arrays import Floats
 
 
 class Minimum(NamedTuple):
@@ -128,12 +127,6 @@ def decrement_of(system: Problem, state: Configuration) -> float:
     if not assembled_definite(system, state, hessian, 0.0):
         return np.inf
     solve(system, hessian, state.gradient, step)
-    return relative_decrement(system, state, step)
-
-
-@kernel
-def relative_decrement(system: Problem, state: Configuration, step: Floats) -> float:
-    """Return what `decrement_of` does; `step` (m, 3) is H^-1 times the gradient."""
     twice = max(dot(state.gradient, step), 0.0)
     return np.sqrt(twice / (dot(state.q, state.q) + bending_energy(system)))
 

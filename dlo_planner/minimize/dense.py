@@ -143,24 +143,6 @@ def solve_dense(factor, right, out):
 
 
 @kernel
-def softly_solved(matrix, right, soft, times):
-    """Return whether the determinant of matrix (K, K) is > 0, and the solution for right (K,).
-
-    What is soft (K,) on the diagonal is there for contacts that depend on each other. Of others it
-    is taken away, so many times a thousandth of it (proximal point iteration: Rockafellar 1976).
-    """
-    change, order = right.copy(), np.empty(right.size, dtype=np.int64)
-    positive = lu_factor(matrix, order) > 0
-    if positive:
-        lu_solve(matrix, order, change)
-        for _ in range(times):
-            for i in range(right.size):
-                change[i] = right[i] + soft[i] * change[i]
-            lu_solve(matrix, order, change)
-    return positive, change
-
-
-@kernel
 def lu_factor(matrix, order):
     """Replace matrix (K, K) by its factors L and U, rows swapped; return its determinant's sign.
 

@@ -18,6 +18,7 @@ On another mesh the same is left out, with its own h: errors there are known bef
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Problem, new_configuration, with_gripper
@@ -72,58 +73,18 @@ def _error(system, state, hessian, spread, wanted, off):
     return _moved(system, state, hessian.twist_jacobian, left, shifts, off)
 
 
-@kernel
-def resampled_means(s: Floats, values: Floats, nodes: Floats, out: Floats) -> None:
-    """Fill the means (n, 3) over the elements of a finer mesh of a smooth function.
+def resampled_means(s: Floats, values: Floats, nodes: Floats) -> Floats:
+    """Return the means (n, 3) over the elements of a finer mesh of a smooth function.
 
-    By polynomials through the integral of the function at six nodes around each new one.
+    By a spline through its integral, of degree 5 where there are nodes enough.
 
-    Args:
-        s: (N + 1,) nodes, m; values: (N, 3) means over their elements
-        nodes: (n + 1,) of the other mesh, m, on the same length
-        out: (n, 3) filled
+    Shapes: s (N + 1,) m, values (N, 3) means over their elements, nodes (n + 1,) m, on the same
+    length.
     """
-    points = min(6, s.size)
-    total, now, before = np.zeros((s.size, 3)), np.zeros(3), np.zeros(3)
-    factors, ahead, weights = np.empty(points), np.empty(points + 1), np.empty(points)
-    for e in range(values.shape[0]):
-        for i in range(3):
-            total[e + 1, i] = total[e, i] + (s[e + 1] - s[e]) * values[e, i]
-    first, of, right = 0, -1, 1  # of the points, of those of `factors`, and the node that follows
-    shorter = 1.0  # 1 over the way from the first point to the last, 1/m
-    for k in range(1, nodes.size):
-        x = nodes[k]
-        while right < s.size - 1 and s[right] < x:
-            right += 1
-        first = min(max(right - points // 2, 0), s.size - points)
-        if first != of:
-            of, shorter = first, 1.0 / (s[first + points - 1] - s[first])
-            _fill_factors(s[first:first + points], shorter, factors)
-        ahead[points] = 1.0
-        for j in range(points - 1, -1, -1):
-            ahead[j] = ahead[j + 1] * (x - s[first + j]) * shorter
-        passed = 1.0
-        for j in range(points):
-            weights[j] = passed * ahead[j + 1] * factors[j]
-            passed *= (x - s[first + j]) * shorter
-        dense = 1.0 / (x - nodes[k - 1])
-        for i in range(3):
-            now[i] = 0.0
-            for j in range(points):
-                now[i] += weights[j] * total[first + j, i]
-            out[k - 1, i] = (now[i] - before[i]) * dense
-            before[i] = now[i]
-
-
-@kernel
-def _fill_factors(s, shorter, factors):
-    """Fill (n,) 1 over the product of distances, `shorter`, of each node `s` (n,) from others."""
-    for j in range(s.size):
-        product = 1.0
-        for other in range(s.size):
-            if other != j:
-                product *= (s[j] - s[other]) * shorter
-        factors[j] = 1.0 / product
+    total = np.vstack([np.zeros(3), np.cumsum(np.diff(s)[:, None] * values, axis=0)])
+    integral = scipy.interpolate.make_interp_spline(s, total, min(5, s.size - 1))
+    means: Floats = np.diff(integral(nodes), axis=0) / np.diff(nodes)[:, None]
+    return means
 
 
 @kernel

@@ -125,15 +125,9 @@ def assembled_definite(system, state, hessian, shift):
 
 
 @kernel
-def _turns_alone(displaced):
-    """Whether displacements of what lies beyond an element can never matter."""
-    return displaced is None
-
-
-@kernel
 def is_fused(system):
     """Whether the Hessian is assembled and factorized in one sweep: only dead loads act."""
-    return _turns_alone(system.needs.displaced) and system.basis.shape[1] == 0
+    return system.needs.displaced is None and system.basis.shape[1] == 0
 
 
 @kernel
@@ -219,29 +213,6 @@ def has_safe_pivots(hessian, border):
         for i in range(3):
             small += not abs(inverse[e, i, i]) * _SMALL < 1.0
     return small == 0
-
-
-@kernel
-def multiply(system, hessian, vector, out):
-    """Fill out (m, 3) = H vector (m, 3)."""
-    if system.basis.shape[1] > 0:
-        m = vector.shape[0]
-        for i in range(3 * m):
-            total = 0.0
-            for k in range(3 * m):
-                total += hessian.dense[i, k] * vector[k // 3, k % 3]
-            out[i // 3, i % 3] = total
-        return
-    n = hessian.twist_jacobian.shape[0]
-    wide = hessian.twist_jacobian.shape[1]
-    theta = np.zeros(wide)
-    after = np.zeros(wide)  # sum over f > e of cross_f^T vector_f
-    for e in range(n):
-        out[e] = hessian.diagonal[e] @ vector[e] + hessian.cross[e] @ theta
-        theta += hessian.twist_jacobian[e] @ vector[e]
-    for e in range(n - 1, -1, -1):
-        out[e] += hessian.twist_jacobian[e].T @ after
-        after += hessian.cross[e].T @ vector[e]
 
 
 @kernel

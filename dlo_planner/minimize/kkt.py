@@ -10,11 +10,9 @@ is solved with answers H^-1 A^T, found one by one, and the inverse of A H^-1 A^T
 
 import numpy as np
 
-from dlo_planner.energy.problem import Configuration, Problem
 from dlo_planner.energy.terms import constraint_jacobian
 from dlo_planner.geometry.so3 import coefficients_in, columns_scaled, jacobians_with, matrix, times
 from dlo_planner.kernels import kernel
-from dlo_planner.model.arrays import Floats
 
 _NEVER = 1e-14  # of the largest: the eigenvalue of a direction in which nothing can move
 _CLEAR = 1e-9   # of the largest entry: a pivot above it is of a direction in which something can
@@ -29,30 +27,6 @@ def fill_border(system, state, hessian, border):
     n, held = system.lengths.size, border.rows.shape[0]
     if held == 0:
         return
-    if hessian.twist_jacobian.shape[1] == 3:
-        fill_rows_of_turns(system, state, hessian.twist_jacobian, border.rows)
-        return
-    twists, values = np.empty((held, 6)), np.empty((n, held, 3))
-    constraint_jacobian(system.effects, state.rotations[n], state.positions[n], twists)
-    for e in range(n):
-        moved = hessian.twist_jacobian[e]
-        for row in range(held):
-            for i in range(3):
-                total = 0.0
-                for k in range(6):
-                    total += moved[k, i] * twists[row, k]
-                values[e, row, i] = total
-    project_rows(system.basis, values, border.rows)
-
-
-@kernel
-def fill_rows_of_turns(system: Problem, state: Configuration, turning: Floats,
-                       rows: Floats) -> None:
-    """Fill rows (K, m, 3): derivatives of what is held of the far end by the unknowns.
-
-    As `fill_border`, where the blocks `turning` (N, 3, 3) are of rotations alone.
-    """
-    n, held = system.lengths.size, rows.shape[0]
     twists, values = np.empty((held, 6)), np.empty((n, held, 3))
     constraint_jacobian(system.effects, state.rotations[n], state.positions[n], twists)
     for e in range(n):
@@ -61,7 +35,7 @@ def fill_rows_of_turns(system: Problem, state: Configuration, turning: Floats,
         _, chord = jacobians_with(h * u[0], h * u[1], h * u[2], h, coefficients_in(state.arcs[e]))
         moved = columns_scaled(times(matrix(state.rotations[e]), chord), h * scale[0],
                                h * scale[1], h * scale[2])
-        turned = matrix(turning[e])
+        turned = matrix(hessian.twist_jacobian[e])
         for row in range(held):
             f0, f1, f2 = twists[row, 3], twists[row, 4], twists[row, 5]
             m0 = twists[row, 0] - x[1] * f2 + x[2] * f1  # about the end of the element
@@ -70,7 +44,7 @@ def fill_rows_of_turns(system: Problem, state: Configuration, turning: Floats,
             for i in range(3):
                 values[e, row, i] = (turned[i] * m0 + turned[3 + i] * m1 + turned[6 + i] * m2
                                      + moved[i] * f0 + moved[3 + i] * f1 + moved[6 + i] * f2)
-    project_rows(system.basis, values, rows)
+    project_rows(system.basis, values, border.rows)
 
 
 @kernel

@@ -110,7 +110,7 @@ def largest_eigenvalue(diagonal, side, size, before, last):
     """Return the largest eigenvalue of a symmetric tridiagonal matrix, and `last` of it.
 
     A row that is added raises it by no less than in the plane of that eigenvector and the new axis.
-    From there Newton's method finds it, and bisection where it does not: the last pivot is concave
+    From there Newton's method finds it where it can: the last pivot is concave
     above `before`, so each step falls short, by its square over the way from `before` at most.
     """
     if size == 1:
@@ -127,7 +127,7 @@ def largest_eigenvalue(diagonal, side, size, before, last):
             if _exceeded(diagonal, side, size, value + _EIGEN * abs(value)):
                 break
             return value, 1.0 / rise
-    value = _bisected(diagonal, side, size)
+    value = np.linalg.eigvalsh(_tridiagonal(diagonal, side, size))[size - 1]
     return value, 1.0 / _last_pivot(diagonal, side, size, value)[1]
 
 
@@ -152,23 +152,6 @@ def _exceeded(diagonal, side, size, value):
         if pivot == 0:
             pivot = -_LEAST
     return False
-
-
-@kernel
-def _bisected(diagonal, side, size):
-    """Return the largest eigenvalue of a symmetric tridiagonal matrix, by bisection."""
-    low = high = diagonal[0]
-    for k in range(size):
-        low = max(low, diagonal[k])
-        radius = (side[k - 1] if k else 0.0) + (side[k] if k < size - 1 else 0.0)
-        high = max(high, diagonal[k] + radius)
-    while high - low > _EIGEN * abs(high):
-        middle = 0.5 * (low + high)
-        if _exceeded(diagonal, side, size, middle):
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
 
 
 @kernel

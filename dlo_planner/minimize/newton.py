@@ -44,7 +44,6 @@ from dlo_planner.energy.grip import (
     constraint_value,
     constraint_violation,
     move_multipliers,
-    moved_grip,
 )
 from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.plastic import yields
@@ -55,10 +54,9 @@ from dlo_planner.energy.problem import (
     bending_energy,
     hinged,
     new_configuration,
-    with_gripper_and_grip,
 )
 from dlo_planner.energy.terms import forbids, may_forbid, row_count
-from dlo_planner.geometry.record import Record, copy, put_sum, scaled_by
+from dlo_planner.geometry.record import Record, copy, put_sum, replaced, scaled_by
 from dlo_planner.geometry.so3 import matrix, put_matrix, times, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.convergence import (
@@ -169,16 +167,15 @@ def thorough(gtol, ctol, maxiter, check, gauss_newton):
 def next_to(gtol, ctol, check, held):
     """Return the Options of a search for what is near: with a held far end, or in a motion."""
     reach, max_age = (_NEXT_HELD, _SAME) if held else (_NEXT, _NEXT)
-    return Options(gtol, ctol, _FEW, check, not held, not held, reach, max_age,
-                   np.empty(0, dtype=np.int64), np.empty((0, 3, 3)), np.inf)
+    return replaced(thorough(gtol, ctol, _FEW, check, not held), 'bounded', not held,
+                    'reach', reach, 'max_age', max_age)
 
 
 @kernel
 def within(options, frames, before, base, nodes, most):
     """Return the Options of a DLO that may not turn far from how it hung in another gripper."""
-    return Options(options.gtol, options.ctol, options.maxiter, options.check, options.bounded,
-                   options.gauss_newton, options.reach, options.max_age, nodes,
-                   _carried(frames, before, base, nodes), most)
+    return replaced(options, 'nodes', nodes, 'frames', _carried(frames, before, base, nodes),
+                    'max_rotation', most)
 
 
 @kernel
@@ -307,16 +304,8 @@ def minimize(system: Problem, q: Floats, options: Options,
                 or not leave_saddle(system, state, mode, q)):
             break
         kicks += 1
-        options = _with_steps(options, most - iterations)
+        options = replaced(options, 'maxiter', most - iterations)
     return state, residual, stability, iterations, kicks, missed
-
-
-@kernel
-def _with_steps(options, most):
-    """Return the same Options with another number of steps."""
-    return Options(options.gtol, options.ctol, most, options.check, options.bounded,
-                   options.gauss_newton, options.reach, options.max_age, options.nodes,
-                   options.frames, options.max_rotation)
 
 
 @kernel
@@ -739,8 +728,10 @@ def follow_homotopy(system: Problem, q: Floats, bases: Floats, targets: Floats, 
     length = np.sum(system.lengths)
     options = thorough(_ROUGH, _ROUGH * length, _PER_PART, length < 0.0, length < 0.0)
     for part in range(bases.shape[0]):
-        regripped = with_gripper_and_grip(system, bases[part], moved_grip(
-            system.effects.hold, targets[part], axes[part], rows[part]))
+        hold = replaced(system.effects.hold, 'target', targets[part], 'axes', axes[part],
+                        'rows', rows[part])
+        regripped = replaced(system, 'base', bases[part],
+                             'effects', replaced(system.effects, 'hold', hold))
         state, _, _, _, _, _, missed = newton_descent(regripped, q, options,
                                                       new_workspace(regripped))
         if not missed <= _LEFT * length:

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.potential import at_element, evaluate, project
+from dlo_planner.energy.contact import trial_traction
+from dlo_planner.energy.potential import evaluate, project, value_at
 from dlo_planner.energy.problem import (
     Configuration,
     Problem,
@@ -30,7 +31,7 @@ from dlo_planner.minimize.hessian import (
     solve,
     solve_held,
 )
-from dlo_planner.minimize.semismooth import linearize_contact_law, unit_load
+from dlo_planner.minimize.semismooth import unit_load
 from dlo_planner.model.arrays import Floats
 
 
@@ -47,8 +48,9 @@ def strain_answers(system: Problem, hessian: Hessian, slopes: Floats) -> Floats:
         project(basis, -scale * slopes[k], load)
         solve_held(system, hessian, load, miss, answer, reaction)
         for e in range(slopes.shape[1]):
-            for i in range(3):
-                out[k, e, i] = scale[e, i] * at_element(basis, answer, e, i)
+            x, y, z = value_at(basis, answer, e)
+            out[k, e, 0], out[k, e, 1], out[k, e, 2] = (scale[e, 0] * x, scale[e, 1] * y,
+                                                        scale[e, 2] * z)
     return out
 
 
@@ -82,14 +84,14 @@ def node_twists(system: Problem, state: Configuration, answers: Floats, columns:
     """
     n = system.lengths.size
     out = np.zeros((n + 1, 6, 6))
-    part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
+    part, arm = np.empty((6, 3)), np.empty(3)
     for i in range(6):
         out[0, i, i] = 1.0 if i < 3 or columns != 4 else 0.0
     for e in range(n):
         for i in range(6):
             for j in range(6):
                 out[e + 1, i, j] = out[e, i, j]
-        _carry_on(system, state, answers, columns, e, 1.0, part, arm, value, out[e + 1])
+        _carry_on(system, state, answers, columns, e, 1.0, part, arm, out[e + 1])
     return out
 
 
@@ -98,18 +100,18 @@ def twists_inside(system: Problem, state: Configuration, answers: Floats, column
                   begin: Floats, element: int, fraction: float) -> Floats:
     """Return (6, 6) the same inside `element`, whose beginning has the twists `begin` (6, 6)."""
     out = begin.copy()
-    part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
-    _carry_on(system, state, answers, columns, element, fraction, part, arm, value, out)
+    part, arm = np.empty((6, 3)), np.empty(3)
+    _carry_on(system, state, answers, columns, element, fraction, part, arm, out)
     return out
 
 
 @kernel
 def _carry_on(system: Problem, state: Configuration, answers: Floats, columns: int, e: int,
-              share: float, part: Floats, arm: Floats, value: Floats, out: Floats) -> None:
+              share: float, part: Floats, arm: Floats, out: Floats) -> None:
     """Turn the twists `out` (6, 6) at the beginning of element e into those at a share of it.
 
     Args:
-        part: (6, 3), arm, value: (3,) to work with
+        part: (6, 3), arm: (3,) to work with
     """
     basis = system.basis
     part_of_element(system.lengths[e], share, state.strains[e], system.scale[e],
@@ -119,11 +121,9 @@ def _carry_on(system: Problem, state: Configuration, answers: Floats, columns: i
         out[3, column] += t1 * arm[2] - t2 * arm[1]
         out[4, column] += t2 * arm[0] - t0 * arm[2]
         out[5, column] += t0 * arm[1] - t1 * arm[0]
-        for i in range(3):
-            value[i] = at_element(basis, answers[column], e, i)
+        x, y, z = value_at(basis, answers[column], e)
         for i in range(6):
-            out[i, column] += (part[i, 0] * value[0] + part[i, 1] * value[1]
-                               + part[i, 2] * value[2])
+            out[i, column] += part[i, 0] * x + part[i, 1] * y + part[i, 2] * z
 
 
 @kernel
@@ -136,25 +136,32 @@ def add_slip(system: Problem, state: Configuration, hessian: Hessian, answers: F
     """
     contacts, k = system.effects.contact.contacts, system.effects.contact.contacts.stiffness
     table = touching(system.effects.contact.scene, contacts, system.lengths, state)
-    first = np.arange(0, 3 * table.gap.size, 3)
-    axes, laws = np.zeros((first.size * 3, 3)), np.zeros((first.size * 3, 3))
-    linearize_contact_law(system, state, table, first, axes, laws)
-    slides = np.flatnonzero(laws[1::3, 0] > 0.0)
-    size = slides.size
+    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty((table.gap.size, 3))
+    slides = np.empty(table.gap.size, dtype=np.int64)
+    size = 0
+    for a in range(table.gap.size):
+        c = table.rubbing[a]
+        if c >= 0:
+            point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                         contacts.element[c], contacts.fraction[c], rotation, x)
+            whole = trial_traction(contacts, c, x, trial[size])
+            if whole > contacts.multiplier[c]:
+                trial[size] /= whole
+                slides[size] = a
+                size += 1
     across, response = np.empty((size, *state.q.shape)), np.empty((size, *state.q.shape))
     matrix, change, load = np.eye(size), np.empty((6, size)), np.empty_like(state.q)
-    rotation, x = np.empty((3, 3)), np.empty(3)
     for p in range(size):
         a = slides[p]
         e, fraction = table.element[a], table.fraction[a]
-        unit_load(system, state, hessian, e, fraction, table.arm[a], axes[3 * a], across[p])
-        unit_load(system, state, hessian, e, fraction, np.zeros(3), axes[3 * a + 1], load)
+        unit_load(system, state, hessian, e, fraction, table.arm[a], table.normal[a], across[p])
+        unit_load(system, state, hessian, e, fraction, np.zeros(3), trial[p], load)
         solve(system, hessian, load, response[p])
-        response[p] *= laws[3 * a + 1, 2]
+        response[p] *= system.effects.contact.scene.friction[table.obstacle[a]]
         point_inside(system.lengths, state.strains, state.rotations, state.positions, e, fraction,
                      rotation, x)
         x += table.arm[a]
-        normal = axes[3 * a]
+        normal = table.normal[a]
         for i in range(3):
             j, m = (i + 1) % 3, (i + 2) % 3
             change[i, p] = x[j] * normal[m] - x[m] * normal[j]  # turned with the gripper

@@ -125,7 +125,7 @@ def factorize_blocks(hessian, shift, most):
 def factorize_dead_loads(system, state, hessian, shift):
     """Return whether all pivots of H + shift I are positive, where nothing but dead loads acts.
 
-    What `second_order` and `factorize_blocks` do is one sweep here: the second derivative by
+    What `fill_blocks` and `factorize_blocks` do is one sweep here: the second derivative by
     rotations of what lies beyond an element is that of the loads and the cost to go, taken as one.
     The blocks themselves, `cross` and `diagonal`, are not filled; the latter has, at the beginning,
     the second derivatives by each element's own strain.

@@ -2,23 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shape and contact forces at once: a semismooth Newton method (Alart and Curnier 1991).
 
-With the compliance of the DLO at its contacts, from solves with Newton's Hessian, all multipliers
-follow to first order, with the reaction of a held far end: no gap where it bears, no sliding where
-it sticks, mu times the force where it slides. Where that cannot be trusted each multiplier becomes
-the force that it has (augmented Lagrangian).
+With the compliance of the DLO at its contacts, from solves with Newton's Hessian, all forces follow
+to first order (`minimize.contact_laws`), with the reaction of a held far end. Where that cannot be
+trusted each multiplier becomes the force that it has (augmented Lagrangian).
 
 In `semismooth_newton` the springs of contacts push with the forces themselves, whatever their gaps
-are, so that a gap of the start is closed by the forces and not fought by the springs. It begins
+are and however far they have slid, so that a gap of the start is closed by the forces and not
+fought by the springs. Nodes beside those that rub take part before they touch. It begins
 where a DLO that goes on bearing would be carried by its gripper. What it finds is a start: the
 minimizer alone tells whether something else touches, and whether the shape falls.
 """
 
-from typing import Any
-
 import numpy as np
 
 from dlo_planner.energy.ccd import sweeps_through
-from dlo_planner.energy.contact import ContactSet, trial_traction
 from dlo_planner.energy.gap import closest_point, near_nodes, next_touching, node_gap
 from dlo_planner.energy.grip import constraint_value, move_multipliers
 from dlo_planner.energy.inertia import has_inertia
@@ -27,9 +24,15 @@ from dlo_planner.energy.problem import new_configuration, with_gripper
 from dlo_planner.energy.scene import translated
 from dlo_planner.energy.terms import forbids, row_count
 from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
-from dlo_planner.geometry.record import Record, copy, put_sum
+from dlo_planner.geometry.record import copy, put_sum, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.active_set import free_to_roll
+from dlo_planner.minimize.contact_laws import (
+    contact_axes,
+    contact_forces,
+    contact_laws,
+    force_after,
+)
 from dlo_planner.minimize.contact_table import (
     HARDLY,
     is_candidate,
@@ -39,7 +42,6 @@ from dlo_planner.minimize.contact_table import (
     with_contacts,
     with_springs,
 )
-from dlo_planner.minimize.dense import lu_factor, lu_solve
 from dlo_planner.minimize.hessian import (
     assemble,
     factorize,
@@ -51,10 +53,7 @@ from dlo_planner.minimize.hessian import (
 )
 from dlo_planner.minimize.kkt import add_to, dot, put_scaled
 from dlo_planner.minimize.newton import HELD_NEUTRAL, is_held
-from dlo_planner.model.arrays import Floats, Ints
 
-_SOFT = 1e-3      # of a spring's compliance, added: contacts that depend on each other share
-_REFINED = 2      # times: what is soft counts a thousandth as much after each
 _CHANGES = 8      # times that contacts are let go or taken back
 _FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
 _TOILS = 2        # rounds in vain, after which what is soft goes with its forces
@@ -65,10 +64,8 @@ _FALLS = 0.5         # of the error before: what falls less does not converge
 _STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves per rad turned since
 _GRACE = 3           # first steps, in which it may do so
 _LONG = 6            # steps after which contacts that still change may go round in circles
-_PATIENCE = 8
-STAGES = (24, 15, 0.1, 10.0)
-_ALIKE = 1e-4
-_NEAR = 1e-3
+_PATIENCE = 8        # the same, of what rubs: which way it slides is not told by its error
+_NEAR = 1e-3         # of the length: farther nodes are not looked at beside those that rub
 
 
 @kernel
@@ -83,8 +80,9 @@ def update_multipliers(system, state, table, share, q, vain):
     if used:
         target, across, hessian = normal.copy(), shear.copy(), new_hessian(system)
         step = np.empty_like(q)
-        used = complementarity_step(system, system, state, table, hessian, used, vain > _TOILS,
-                                    not is_held(system), target, across, step, _no_reaction(system))
+        used = complementarity_step(system, system.effects.contact.contacts.anchor, state, table,
+                                    hessian, used, vain > _TOILS, not is_held(system), target,
+                                    across, step, _no_reaction(system))
         if used:
             there = new_configuration(system)
             put_sum(q, share, step, there.q)
@@ -126,56 +124,53 @@ def put_forces(system, table, normal, shear):
         else:
             contacts.multiplier[table.inside[a]] = force
         if c >= 0:
-            limit = friction[o] * force
-            contacts.multiplier[c] = limit
+            contacts.multiplier[c] = friction[o] * force
             for i in range(3):
                 contacts.shear[c, i] = shear[a, i]
 
 
 @kernel
-def complementarity_step(system, anchored, state, table, hessian, fresh, neutral, exchanges, normal,
+def complementarity_step(system, anchors, state, table, hessian, fresh, neutral, exchanges, normal,
                          shear, step, reaction):
     """Fill the forces that satisfy the linearized laws, and the step to where they do.
 
-    And the change of the reaction (K,) of a held far end. Slips count from the anchors of the
-    Problem `anchored`. `exchanges`: whether contacts are let go.
+    And the change of the reaction (K,) of a held far end. Slips count from anchors (C, 3).
+    `exchanges`: whether contacts are let go.
     """
     if fresh:
         assemble(system, state, hessian)
         if not _stands(system, hessian, neutral):
             return False
     count = table.gap.size
-    first = np.empty(count + 1, dtype=np.int64)  # row of the normal; of a friction's two, the next
-    first[0] = 0
+    first = np.zeros(count + 1, dtype=np.int64)  # row of the normal; of a friction's two, the next
     for a in range(count):
         first[a + 1] = first[a] + (1 if table.rubbing[a] < 0 else 3)
-    size = first[count]
-    axes = _contact_axes(table, first)
-    law = _linear_laws(system, anchored, state, table, first, axes, normal)
+    axes = contact_axes(table, first)
     loads, answers = _answers(system, state, hessian, table, first, axes)
-    miss, right = np.zeros_like(reaction), np.empty_like(step)
+    miss, right, free = np.zeros_like(reaction), np.empty_like(step), np.empty(first[count])
     constraint_value(system.effects.hold, state.rotations[-1], state.positions[-1], miss)
     put_scaled(-1.0, state.gradient, right)
     solve_held(system, hessian, right, miss, step, reaction)
-    for i in range(size):
-        law.free[i] = dot(loads[i], step)
-    law.compliance[:] = _products(loads, answers)
-    turns = _CHANGES if exchanges or has_inertia(system.effects.anchor) else 0
-    known, change, bears = _contact_forces(law, turns, _REFINED if exchanges else 0)
+    for i in range(free.size):
+        free[i] = dot(loads[i], step)
+    law = contact_laws(system, anchors, state, table, first, axes, normal, free,
+                       _products(loads, answers))
+    known, change, bears = contact_forces(
+        law, exchanges, _CHANGES if exchanges or has_inertia(system.effects.anchor) else 0)
     if not known:
         return False  # what slides does so by itself: no forces hold it there
-    moved = law.free + law.compliance @ change
-    farthest = _FARTHEST * np.sum(system.lengths)
-    for i in range(size):
+    moved, farthest = free.copy(), _FARTHEST * np.sum(system.lengths)
+    for i in range(free.size):
+        for k in range(free.size):
+            moved[i] += law.compliance[i, k] * change[k]
         if not abs(moved[i]) < farthest:
             return False
     for a in range(count):
-        i = first[a]
-        force = _force_after(law, a, change, moved)
+        i, force = first[a], force_after(law, a, change, moved)
         normal[a] = force[0] if bears[a] else 0.0
         for j in range(3 if table.rubbing[a] >= 0 else 0):
             shear[a, j] = -(force[1] * axes[i + 1, j] + force[2] * axes[i + 2, j])
-    for i in range(size):
+    for i in range(free.size):
         add_to(right, change[i], loads[i])
     solve_held(system, hessian, right, miss, step, reaction)
     return True
@@ -192,339 +187,6 @@ def _stands(system, hessian, neutral):
             return False
         factorize(system, hessian, 0.0)
     return True
-
-
-class ContactLaws(Record):
-    """What A contacts do and obey, to first order: K rows, of each a normal, or two across as well.
-
-    Forces are those on the DLO. Loads that change by e (K,) move contacts by free + compliance e.
-    """
-
-    first: Ints  # (A + 1,) row of each contact's normal
-    gap: Floats  # (K,) gap, and how far it has slid, m
-    force: Floats  # (K,) N
-    spring: Floats  # (A, 3, 3) by how much its springs take back when it moves, N/m
-    friction: Floats  # (A,) coefficient
-    free: Floats  # (K,) m
-    compliance: Floats  # (K, K) m/N
-    stiffness: float  # of a spring, N/m
-    grip: float  # of a spring of friction, N/m
-    bears: Any  # (A,) which bear to begin with
-
-
-@kernel
-def _contact_axes(table, first):
-    """Return (K, 3): normal, and two axes across it."""
-    axes = np.zeros((first[-1], 3))
-    for a in range(table.gap.size):
-        i, n = first[a], table.normal[a]
-        axes[i] = n
-        if table.rubbing[a] < 0:
-            continue
-        least = np.argmin(np.abs(n))
-        axes[i + 1, least] = 1.0
-        axes[i + 1] -= n[least] * n
-        axes[i + 1] /= np.sqrt(np.sum(axes[i + 1] ** 2))
-        for j in range(3):
-            axes[i + 2, j] = (n[(j + 1) % 3] * axes[i + 1, (j + 2) % 3]
-                              - n[(j + 2) % 3] * axes[i + 1, (j + 1) % 3])
-    return axes
-
-
-@kernel
-def _linear_laws(system, anchored, state, table, first, axes, normal):
-    """Return the ContactLaws at a state, without `free` and `compliance`."""
-    contacts, count, size = system.effects.contact.contacts, table.gap.size, first[-1]
-    gap, force, spring = np.empty(size), np.empty(size), np.zeros((count, 3, 3))
-    friction, bears = np.zeros(count), np.ones(count, dtype=np.bool_)
-    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
-    for a in range(count):
-        i, c = first[a], table.rubbing[a]
-        gap[i], force[i], spring[a, 0, 0] = table.gap[a], normal[a], contacts.stiffness
-        bears[a] = normal[a] > 2.0 * HARDLY * contacts.stiffness * abs(table.gap[a])
-        if c < 0:
-            continue
-        friction[a] = system.effects.contact.scene.friction[table.obstacle[a]]
-        point_inside(system.lengths, state.strains, state.rotations, state.positions,
-                     contacts.element[c], contacts.fraction[c], rotation, x)
-        size_of = trial_traction(contacts, c, x, trial)
-        part = min(1.0, contacts.multiplier[c] / size_of) if size_of > 0.0 else 1.0
-        from_ = anchored.effects.contact.contacts.anchor[c]
-        for j in (1, 2):
-            along = np.sum(trial * axes[i + j])
-            gap[i + j] = np.sum((x - from_) * axes[i + j])
-            force[i + j] = -part * along
-            for k in (1, 2):
-                spring[a, j, k] = contacts.grip * part * ((j == k) - (
-                    along * np.sum(trial * axes[i + k]) / size_of**2 if part < 1.0 else 0.0))
-    return ContactLaws(first, gap, force, spring, friction, np.empty(size), np.empty((size, size)),
-                       contacts.stiffness, contacts.grip, bears)
-
-
-@kernel
-def _contact_forces(law, turns, times):
-    """Return whether there are changes (K,) of the loads, these, and who bears (A,).
-
-    Contacts side by side depend on each other: with no gap at any of them, some would pull as hard
-    as others push. One that pulls is let go, one let go that is pressed in bears again (primal-dual
-    active set method: Hintermueller, Ito and Kunisch 2002).
-    """
-    size, count = law.free.size, law.friction.size
-    bears = law.bears.copy() if turns > 0 else np.ones(count, dtype=np.bool_)
-    rubs = size > count
-    grip = np.ones(count)
-    for a in range(count if rubs else 0):
-        if law.first[a + 1] > law.first[a] + 1:
-            grip[a] = 1.0 / max(_loose(law, a, 1), _loose(law, a, 2))
-    soft = np.zeros(size)
-    for a in range(count):
-        i = law.first[a]
-        soft[i] = _SOFT / law.stiffness
-        for i in range(law.first[a] + 1, law.first[a + 1]):
-            soft[i] = _SOFT * min(1.0 / grip[a], law.compliance[i, i])
-    change = np.zeros(size)
-    known, ends = _exchanged_forces(law, soft, grip, min(8, 20) if rubs else turns, times, change, bears, rubs)
-    if known and (ends or not rubs) or turns == 0:
-        return known, change, bears
-    free_response = _own_compliance(law)
-    if not np.min(free_response) > 0.0:
-        return known, change, bears
-    for a in range(count):
-        i = law.first[a]
-        if law.first[a + 1] > i + 1:
-            grip[a] = 1.0 / max(free_response[i + 1], free_response[i + 2])
-    change[:] = 0.0
-    bears[:] = True
-    part, known = 1e-2, False
-    there, there_bears = change.copy(), bears.copy()
-    for _ in range(STAGES[0]):
-        going, ends = _exchanged_forces(law, part * free_response, grip, STAGES[1], 0, there, there_bears, rubs)
-        if going and ends:
-            known = True
-            change[:] = there
-            bears[:] = there_bears
-            part *= STAGES[2]
-            if part < 1e-11:
-                break
-        else:
-            there[:] = change
-            there_bears[:] = bears
-            part *= STAGES[3]
-            if part > 1e3:
-                break
-    return known, change, bears
-
-
-@kernel
-def _exchanged_forces(law, soft, grip, turns, times, change, bears, rubs):
-    """Fill changes (K,) of loads; return whether there are any, and whether they obey the laws.
-
-    Contacts give by soft (K,), m/N, of the change of their forces.
-    """
-    size, count = law.free.size, law.friction.size
-    last, same = bears.copy(), False
-    force, slip, order = np.empty(size), np.empty(size), np.empty(size, dtype=np.int64)
-    gives = np.empty((count, 3, 3))
-    _put_motion(law, change, force, slip)
-    begin = force.copy()
-    matrix, right = np.empty((size, size)), np.empty(size)
-    for turn in range(turns + 1):
-        _put_equations(law, bears, force, slip, grip, soft, begin, matrix, right, gives)
-        if lu_factor(matrix, order) == 0:  # those before do
-            bears[:] = last
-            return turn > 0, False
-        change[:] = right
-        lu_solve(matrix, order, change)
-        last[:] = bears
-        _put_motion(law, change, force, slip)
-        for i in range(size):
-            slip[i] += soft[i] * (force[i] - begin[i])
-        same = True
-        for a in range(count):
-            i = law.first[a]
-            # after some turns nothing bears again: so they come to an end
-            bears[a] = (force[i] > 0.0 if bears[a]
-                        else slip[i] < 0.0 and (turn < turns // 2 or rubs))
-            same = same and bears[a] == last[a] and (not bears[a]
-                                                     or _keeps(law, a, force, slip, grip[a]))
-        if same:
-            break
-    bears[:] = last
-    for _ in range(times):
-        for a in range(count):
-            i, n = law.first[a], law.first[a + 1] - law.first[a]
-            for j in range(n):
-                for k in range(n):
-                    right[i + j] += gives[a, j, k] * (force[i + k] - begin[i + k])
-        begin[:] = force
-        change[:] = right
-        lu_solve(matrix, order, change)
-        _put_motion(law, change, force, slip)
-    return True, same
-
-
-@kernel
-def _keeps(law, a, force, slip, grip):
-    """Whether friction at a contact that bears keeps its law."""
-    i = law.first[a]
-    limit, size, wrong = law.friction[a] * force[i], 0.0, 0.0
-    for j in range(i + 1, law.first[a + 1]):
-        size += (force[j] - grip * slip[j]) ** 2
-    part = limit / np.sqrt(size) if size > limit * limit else 1.0
-    for j in range(i + 1, law.first[a + 1]):
-        wrong += (force[j] - part * (force[j] - grip * slip[j])) ** 2
-    return wrong <= (_ALIKE * limit) ** 2
-
-
-@kernel
-def _put_motion(law, change, force, slip):
-    """Fill forces (K,) N, and gaps and slips (K,) m, that follow from a change (K,) of loads."""
-    slip[:] = law.free
-    for i in range(slip.size):
-        for k in range(slip.size):
-            slip[i] += law.compliance[i, k] * change[k]
-    for a in range(law.friction.size):
-        force[law.first[a]:law.first[a + 1]] = _force_after(law, a, change, slip)
-    slip += law.gap
-
-
-@kernel
-def _force_after(law, a, change, moved):
-    i, n = law.first[a], law.first[a + 1] - law.first[a]
-    force = law.force[i:i + n] + change[i:i + n]
-    for j in range(n):
-        for k in range(n):
-            force[j] -= law.spring[a, j, k] * moved[i + k]
-    return force
-
-
-@kernel
-def _loose(law, a, j):
-    """Return about how far a contact moves by a unit load without its springs, m/N."""
-    moves = law.compliance[law.first[a] + j, law.first[a] + j]
-    return moves / max(1e-3, 1.0 - law.spring[a, j, j] * moves)
-
-
-@kernel
-def _own_compliance(law):
-    """Return (K,) how far each contact moves by a unit force, without all springs of contacts."""
-    size = law.free.size
-    matrix, order = np.eye(size), np.empty(size, dtype=np.int64)
-    for a in range(law.friction.size):
-        i, n = law.first[a], law.first[a + 1] - law.first[a]
-        for j in range(n):
-            for k in range(n):
-                if law.spring[a, j, k] != 0.0:
-                    for r in range(size):
-                        matrix[r, i + k] -= law.compliance[r, i + j] * law.spring[a, j, k]
-    out = np.zeros(size)
-    if lu_factor(matrix, order) == 0:
-        return out
-    for i in range(size):
-        column = law.compliance[:, i].copy()
-        lu_solve(matrix, order, column)
-        out[i] = column[i]
-    return out
-
-
-@kernel
-def _put_equations(law, bears, force, slip, grip, soft, begin, matrix, right, gives):
-    """Fill matrix (K, K) and right side (K,) for the changes of the loads: laws at forces and slips.
-
-    Laws are homogeneous, of a contact  by_force force + by_slip slip = 0.  gives: (A, 3, 3), what
-    the right side changes by where contacts give from elsewhere.
-    """
-    by_force, by_slip, by_load = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for a in range(bears.size):
-        i, n = law.first[a], law.first[a + 1] - law.first[a]
-        _put_law(law, a, bears[a], force, slip, grip[a], by_force, by_slip)
-        for j in range(n):
-            right[i + j] = 0.0
-            matrix[i + j] = 0.0
-            for k in range(n):
-                gives[a, j, k] = by_slip[j, k] * soft[i + k]
-                by_force[j, k] += gives[a, j, k]
-            for k in range(n):
-                by_load[j, k] = by_slip[j, k]
-                for m in range(n):
-                    by_load[j, k] -= by_force[j, m] * law.spring[a, m, k]
-                right[i + j] += (gives[a, j, k] * begin[i + k] - by_load[j, k] * law.free[i + k]
-                                 - by_force[j, k] * law.force[i + k] - by_slip[j, k] * law.gap[i + k])
-                if by_load[j, k] != 0.0:
-                    for m in range(right.size):
-                        matrix[i + j, m] += by_load[j, k] * law.compliance[i + k, m]
-            for k in range(n):
-                matrix[i + j, i + k] += by_force[j, k]
-
-
-@kernel
-def _put_law(law, a, bears, force, slip, grip, by_force, by_slip):
-    """Fill by_force, by_slip (3, 3) of contact a: no force, or no gap, and sticking or sliding.
-
-    What slides does so to first order (Alart and Curnier): force = limit d, d the direction of the
-    trial force  force - grip slip.
-    """
-    i, n = law.first[a], law.first[a + 1] - law.first[a]
-    by_force[:] = 0.0
-    by_slip[:] = 0.0
-    for j in range(n):
-        if not bears:
-            by_force[j, j] = 1.0
-        else:
-            by_slip[j, j] = law.stiffness if j == 0 else grip
-    if n == 1 or not bears:
-        return
-    first, second = force[i + 1] - grip * slip[i + 1], force[i + 2] - grip * slip[i + 2]
-    size, limit = np.sqrt(first * first + second * second), law.friction[a] * max(0.0, force[i])
-    if size <= limit:
-        return
-    along = (0.0, first / size, second / size)
-    for j in (1, 2):
-        by_force[j, 0] = -law.friction[a] * along[j]
-        for k in (1, 2):
-            part = limit / size * ((j == k) - along[j] * along[k])
-            by_force[j, k] = (j == k) - part
-            by_slip[j, k] = grip * part
-
-
-@kernel
-def linearize_contact_law(system, state, table, first, axes, laws):
-    """Fill axes (K, 3): normal, direction of friction, third; and laws (K, 3) of the friction.
-
-    Laws: in the second row whether it slides, the limit's part of the trial force, mu; in the third
-    the multiplier's components along both axes and the trial force.
-    """
-    contacts = system.effects.contact.contacts
-    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
-    for a in range(table.gap.size):
-        i, c = first[a], table.rubbing[a]
-        n = table.normal[a]
-        axes[i] = n
-        if c < 0:
-            continue
-        point_inside(system.lengths, state.strains, state.rotations, state.positions,
-                     contacts.element[c], contacts.fraction[c], rotation, x)
-        size = trial_traction(contacts, c, x, trial)
-        limit = contacts.multiplier[c]
-        slides = size > limit
-        if slides:
-            axes[i + 1] = trial / size
-        else:
-            least = np.argmin(np.abs(n))
-            axes[i + 1, least] = 1.0
-            axes[i + 1] -= n[least] * n
-            axes[i + 1] /= np.sqrt(np.sum(axes[i + 1] ** 2))
-        for j in range(3):
-            axes[i + 2, j] = (n[(j + 1) % 3] * axes[i + 1, (j + 2) % 3]
-                              - n[(j + 2) % 3] * axes[i + 1, (j + 1) % 3])
-        laws[i + 1, 0] = 1.0 if slides else 0.0
-        laws[i + 1, 1] = limit / size if slides else 1.0
-        laws[i + 1, 2] = system.effects.contact.scene.friction[table.obstacle[a]]
-        laws[i + 2, 0] = np.sum(contacts.shear[c] * axes[i + 1])
-        laws[i + 2, 1] = np.sum(contacts.shear[c] * axes[i + 2])
-        laws[i + 2, 2] = np.sum(trial * axes[i + 1])
-        if not slides:
-            laws[i + 1, 2] = np.sum(trial * axes[i + 2])
 
 
 @kernel
@@ -634,8 +296,7 @@ def _before(system, base, slid, twist):
     has the direction of the whole step's way. Without it a DLO may slip aside that does not.
     """
     now, shift = system.effects.contact.contacts, twist[3:].copy()
-    contacts = ContactSet(now.stiffness, now.node, now.element, now.obstacle, now.multiplier,
-                          now.fraction, now.anchor + shift - slid, now.normal, now.shear, now.grip)
+    contacts = replaced(now, 'anchor', now.anchor + shift - slid)
     moved = with_contacts(system, contacts, translated(system.effects.contact.scene, -shift))
     return with_gripper(moved, base, system.origin - shift)
 
@@ -657,18 +318,13 @@ def semismooth_newton(system, q, tolerance, exact, previous):
     last = touching(system.effects.contact.scene, system.effects.contact.contacts, system.lengths,
                     begin)
     vain, near = 0, -exact
-    slid = np.zeros(0, dtype=np.bool_)
     for steps in range(_STEPS):
         loaded = _loaded(loaded, state, previous, near)
         state, residual, table, violation = kkt_residual(loaded, state.q)
         if table.gap.size == 0:
             break
         normal, shear = forces(table, state)
-        same = _same(table, last)
-        slides = _sliding(loaded, state, table)
-        stays = same and np.array_equal(slides, slid)
-        slid = slides
-        rubs = np.max(table.rubbing) >= 0
+        same, rubs = _same(table, last), np.max(table.rubbing) >= 0
         if residual < tolerance and violation < exact and near > 0.0:
             near = -exact
             for a in range(table.gap.size):
@@ -679,7 +335,7 @@ def semismooth_newton(system, q, tolerance, exact, previous):
             state, residual, table, violation = kkt_residual(loaded, state.q)
             normal, shear = forces(table, state)
         if residual < tolerance and violation < exact:
-            if not same or rubs:  # the factorization is that of other contacts
+            if not same or rubs:  # the factorization is that of other contacts, of no friction's
                 age = np.inf
             if forbids(system.effects, system, begin, state):
                 break
@@ -691,17 +347,16 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         before, last = min(wrong, before) if same else wrong, table
         # near the end the factorization before is as good; what slides turns its friction
         fresh = not same or not _STALE * age * residual < tolerance or rubs
-        sticking = loaded
+        bonded, anchors = loaded, loaded.effects.contact.contacts.anchor
         if rubs:
-            sticking = _sticking(loaded, state, table)
-            evaluate(sticking, state)
+            bonded = _bonded(loaded, state, table)
+            evaluate(bonded, state)
             normal, shear = forces(table, state)
-        if not complementarity_step(sticking, loaded, state, table, hessian, fresh, neutral, neutral,
+            near = min(violation, _NEAR * np.sum(system.lengths))
+        if not complementarity_step(bonded, anchors, state, table, hessian, fresh, neutral, neutral,
                                     normal, shear, step, reaction):
             break
-        if rubs:
-            near = min(violation, _NEAR * np.sum(system.lengths))
-        change = largest_turn(sticking, hessian, step) + softness * _difference(table.force, normal)
+        change = largest_turn(bonded, hessian, step) + softness * _difference(table.force, normal)
         age = change if fresh else age + change
         put_forces(loaded, table, normal, shear)
         # contacts that come and go in turn are those of neither shape: from the middle on
@@ -715,22 +370,12 @@ def semismooth_newton(system, q, tolerance, exact, previous):
 
 
 @kernel
-def _sliding(system, state, table):
-    contacts = system.effects.contact.contacts
-    slides = np.zeros(table.gap.size, dtype=np.bool_)
-    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
-    for a in range(table.gap.size):
-        c = table.rubbing[a]
-        if c >= 0:
-            point_inside(system.lengths, state.strains, state.rotations, state.positions,
-                         contacts.element[c], contacts.fraction[c], rotation, x)
-            slides[a] = trial_traction(contacts, c, x, trial) > contacts.multiplier[c]
-    return slides
+def _bonded(system, state, table):
+    """Return the Problem whose friction, at `state`, is its multipliers, however far it has slid.
 
-
-@kernel
-def _sticking(system, state, table):
-    """Return the Problem whose friction, at `state`, is its multipliers, however far it has slid."""
+    Its springs hold the DLO where it is, so that the Hessian is that of a DLO that sticks. With the
+    law itself, a force turns over within a slip that no step can see.
+    """
     old, rotation, x = system.effects.contact.contacts, np.empty((3, 3)), np.empty(3)
     anchor = old.anchor.copy()
     for a in range(table.gap.size):
@@ -739,9 +384,7 @@ def _sticking(system, state, table):
             point_inside(system.lengths, state.strains, state.rotations, state.positions,
                          old.element[c], old.fraction[c], rotation, x)
             anchor[c] = x
-    contacts = ContactSet(old.stiffness, old.node, old.element, old.obstacle, old.multiplier,
-                          old.fraction, anchor, old.normal, old.shear, old.grip)
-    return with_contacts(system, contacts, system.effects.contact.scene)
+    return with_contacts(system, replaced(old, 'anchor', anchor), system.effects.contact.scene)
 
 
 @kernel
@@ -787,11 +430,9 @@ def correction(system, strains, positions):
     normal, shear = forces(table, state)
     step = np.zeros_like(state.q)
     touches = table.gap.size > 0
-    if not touches:
-        return np.inf
-    if not complementarity_step(
-            loaded, loaded, state, table, new_hessian(system), touches, not touches,
-            not is_held(system), normal, shear, step, _no_reaction(system)):
+    if not touches or not complementarity_step(
+            loaded, loaded.effects.contact.contacts.anchor, state, table, new_hessian(system),
+            touches, not touches, not is_held(system), normal, shear, step, _no_reaction(system)):
         return np.inf
     if not np.min(normal) > 0.0:
         return np.inf

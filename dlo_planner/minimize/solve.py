@@ -13,20 +13,22 @@ import numpy as np
 
 from dlo_planner.energy.contact import trial_traction
 from dlo_planner.energy.gap import penetration_of_point
-from dlo_planner.energy.grip import constraint_violation
-from dlo_planner.energy.plastic import PlasticSection, add_plastic, return_map
+from dlo_planner.energy.grip import constraint_violation, put_wrench
+from dlo_planner.energy.plastic import add_plastic, return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
 from dlo_planner.energy.scene import translated
 from dlo_planner.energy.terms import may_act, potential, stored
 from dlo_planner.geometry.basis import truncation_error
 from dlo_planner.geometry.kinematics import point_inside
-from dlo_planner.geometry.record import Record, copy
+from dlo_planner.geometry.record import Record, copy, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_solver import COARSER, solve_contact
 from dlo_planner.minimize.contact_table import touching
 from dlo_planner.minimize.convergence import is_stationary
 from dlo_planner.minimize.newton import (
+    HELD_NEUTRAL,
+    NEUTRAL,
     is_held,
     minimize,
     new_workspace,
@@ -35,6 +37,8 @@ from dlo_planner.minimize.newton import (
     within,
 )
 from dlo_planner.model.arrays import Floats, Ints
+
+_ONE_PLACE = 1e-7  # of the length: contacts with one body that are nearer are one
 
 
 class Solution(NamedTuple):
@@ -165,6 +169,18 @@ def outcome(system: Problem, state: Configuration, origin: Floats, residual: flo
 
 
 @kernel
+def is_equilibrium(stationary: bool, stability: float, bound: bool, violation: float, kept: float,
+                   missed: float, reach: float) -> bool:
+    """Whether a minimum is a stable or neutral equilibrium that keeps all constraints.
+
+    `bound`: whether grips or contacts may bind it, which tells its stability less exactly; `kept`,
+    `reach`: by how much constraints may be violated, and the grip of the far end be missed, m.
+    """
+    return (stationary and stability > -(HELD_NEUTRAL if bound else NEUTRAL)
+            and violation <= kept and missed <= reach)
+
+
+@kernel
 def outputs(system, state, origin, positions, wrench):
     """Fill positions (N + 1, 3), world, and the gripper's wrench (6,) on the DLO.
 
@@ -186,9 +202,7 @@ def _grip_after(hold: Any, state: Configuration, wrench: Floats) -> Any:
         return np.zeros(0), 0.0
     if hold.multiplier.size == 0:
         return hold.multiplier, 0.0
-    for i in range(3):
-        wrench[i] = -state.attached.tip_force[i]
-        wrench[3 + i] = -state.attached.tip_moment[i]
+    put_wrench(hold, state.rotations[-1], state.positions[-1], wrench)
     return hold.multiplier, constraint_violation(hold, state.rotations[-1], state.positions[-1])
 
 
@@ -200,10 +214,8 @@ def _set_after(plastic: Any, system: Problem, strains: Floats) -> Any:
     if plastic.share.shape[0] == 0:
         return plastic.set, 0.0, 0.0
     new, lost = return_map(system.lengths, strains, system.natural, plastic)
-    after = PlasticSection(plastic.direction, plastic.limit, plastic.share, plastic.kind,
-                           plastic.strength, plastic.ellipse, new)
-    return new, lost, add_plastic(system.lengths, strains, system.natural, after,
-                                  np.zeros(strains.shape))
+    return new, lost, add_plastic(system.lengths, strains, system.natural,
+                                  replaced(plastic, 'set', new), np.zeros(strains.shape))
 
 
 @kernel
@@ -227,7 +239,8 @@ def _contacts_after(contact: Any, system: Problem, state: Configuration, origin:
 def contact_rows(system: Problem, state: Configuration) -> Any:
     """Return of A contacts: obstacle, element, m along it, place, normal, force, friction, gap.
 
-    Places (A, 3) are relative to the gripper; friction (A, 3) is that on the DLO.
+    Places (A, 3) are relative to the gripper; friction (A, 3) is that on the DLO. A node and a
+    point that has rolled to it are one.
     """
     scene, lengths = system.effects.contact.scene, system.lengths
     table = touching(scene, system.effects.contact.contacts, lengths, state)
@@ -241,8 +254,19 @@ def contact_rows(system: Problem, state: Configuration) -> Any:
                      table.fraction[a], rotation, places[a])
         if table.rubbing[a] >= 0:
             friction[a] -= state.attached.force[table.rubbing[a]]
-    return (scene.source[table.obstacle], table.element, along, places, table.normal, table.force,
-            friction, table.gap)
+    kept, force = np.ones(count, dtype=np.bool_), table.force.copy()
+    for a in range(count):
+        for b in range(a):
+            if kept[b] and table.obstacle[a] == table.obstacle[b] and (
+                    np.sum((places[a] - places[b]) ** 2) < (_ONE_PLACE * np.sum(lengths)) ** 2):
+                one, other = (a, b) if force[a] > force[b] else (b, a)
+                force[one] += force[other]
+                friction[one] += friction[other]
+                kept[other] = False
+                if other == a:
+                    break
+    return (scene.source[table.obstacle][kept], table.element[kept], along[kept], places[kept],
+            table.normal[kept], force[kept], friction[kept], table.gap[kept])
 
 
 @kernel
@@ -272,8 +296,10 @@ def forces_after(system: Problem, state: Configuration, origin: Floats, ended: b
             away = x[i] - contacts.anchor[c, i]
             slid[c, i] = out * contacts.normal[c, i] if sticks else away
             anchor[c, i] += slid[c, i]
-    return (contacts.node, contacts.element, contacts.obstacle, contacts.multiplier,
-            contacts.fraction, anchor, contacts.normal, shear, slid)
+    # below zero a multiplier holds back the spring of a point that does not bear
+    return (np.maximum(contacts.node, 0.0), contacts.element, contacts.obstacle,
+            np.maximum(contacts.multiplier, 0.0), contacts.fraction, anchor, contacts.normal,
+            shear, slid)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from dlo_planner.model.varying import (
     Along,
     AlongRod,
     Extended,
-    SeenFrom,
+    Mapped,
     is_row,
     pair,
     varying,
@@ -498,13 +498,13 @@ def part_of_rod(rod: Rod, at: float, direction: int) -> Rod:
     for s, mass in rod.point_masses:
         if (s - at) * direction > 0 or (s == at and direction > 0):
             masses.append((abs(s - at), mass))
-    signs = tuple(BACK[1:]) if direction < 0 else (1.0, 1.0)
+    signs = BACK[1:] if direction < 0 else np.ones(2)
     curvature = rod.natural_curvature
-    changed: dict[str, Any] = {name: SeenFrom(getattr(rod, name), at, direction)
+    changed: dict[str, Any] = {name: Mapped(getattr(rod, name), 1.0, at, direction)
                for name in ('mass_per_length', 'natural_twist', 'bending_stiffness',
                             'torsional_stiffness', 'radius') if callable(getattr(rod, name))}
     nodes = tuple(abs(s - at) for s in rod.nodes if (s - at) * direction > 0)
     return replace(rod, length=length, point_masses=tuple(masses), nodes=nodes,
                    tip_mass=rod.tip_mass if direction > 0 else 0.0,
-                   natural_curvature=SeenFrom(curvature, at, direction, signs)
-                   if callable(curvature) else tuple(np.array(signs) * curvature), **changed)
+                   natural_curvature=Mapped(curvature, signs, at, direction)
+                   if callable(curvature) else tuple(signs * curvature), **changed)

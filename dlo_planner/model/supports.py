@@ -20,7 +20,7 @@ from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, part_of_rod
 from dlo_planner.model.value import Value, put
-from dlo_planner.model.varying import Profile, SeenFrom, breaks_of, resolved
+from dlo_planner.model.varying import Mapped, Profile, breaks_of, resolved
 
 # ------------------------------------------------------------------------------------------------
 # A second grip: how the free end may be held.
@@ -215,7 +215,7 @@ class Surroundings(Value):
                 if (s - at) * direction > 0 or s == at and direction > 0]
         load = self.load
         return replace(self, rod=part_of_rod(self.rod, at, direction),
-                       load=SeenFrom(load, at, direction) if callable(load) else load,
+                       load=Mapped(load, 1.0, at, direction) if callable(load) else load,
                        point_loads=(*dead, *self.other_loads))
 
     @property

@@ -103,62 +103,35 @@ class Components(Value):
         return np.array([part(s) if callable(part) else part for part in self.parts])
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Stepwise(Value):
-    """Constant on each element of a mesh."""
-
-    s: Floats       # (N + 1,) nodes, m
-    values: Floats  # (N, ...)
-
-    @property
-    def breaks(self) -> Floats:
-        """(N - 1,) the inner nodes, m."""
-        return self.s[1:-1]
-
-    def __call__(self, s: float) -> Any:
-        """Return the value at `s` (m)."""
-        element = np.searchsorted(self.s, s, side='right') - 1
-        return self.values[min(max(int(element), 0), len(self.values) - 1)]
+def stepwise(s: Floats, values: Floats) -> Table:
+    """Return what is constant on each element of a mesh: nodes (N + 1,), m, and values (N, ...)."""
+    return Table(np.repeat(s, 2)[1:-1], np.repeat(values, 2, axis=0))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _Derived(Value):
-    """Base of what is made of a number, pair or function of s; its jumps, but where said."""
+class Mapped(Value):
+    """A function of arc length times a factor, as one of the distance from a place."""
 
-    base: Along
-
-    @property
-    def breaks(self) -> Floats:
-        """(n,) arc lengths where it is known to jump, m."""
-        return breaks_of(self.base)
-
-    def _at(self, s: float) -> Floats:
-        return np.asarray(self.base(s) if callable(self.base) else self.base)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class SeenFrom(_Derived):
-    """A function of arc length as a function of the distance from `at` (m), in one direction."""
-
-    at: float
-    direction: int  # 1: on, -1: back
-    signs: tuple[float, ...] = ()  # factors of the components that it returns
+    base: Callable[[float], Any]
+    factor: float | Floats = 1.0  # one number, or one for each component
+    at: float = 0.0               # m
+    direction: int = 1            # 1: on from there, -1: back
 
     @property
     def breaks(self) -> Floats:
-        """(m,) distances where it is known to jump, m."""
+        """(n,) distances where it is known to jump, m."""
         return self.direction * (breaks_of(self.base) - self.at)
 
     def __call__(self, s: float) -> Any:
-        """Return the value at `s` (m)."""
-        value = self._at(self.at + self.direction * s)
-        return value * self.signs if self.signs else value[()]
+        """Return the value at the distance `s` (m)."""
+        return self.factor * np.asarray(self.base(self.at + self.direction * s))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Extended(_Derived):
-    """The same up to `end` (m), and a constant from there on."""
+class Extended(Value):
+    """A number, pair or function of s up to `end` (m), and a constant from there on."""
 
+    base: Along
     end: float
     beyond: float | tuple[float, ...]
 
@@ -169,41 +142,29 @@ class Extended(_Derived):
 
     def __call__(self, s: float) -> Any:
         """Return the value at `s` (m)."""
-        return self.beyond if s >= self.end else self._at(s)[()]
+        if s >= self.end:
+            return self.beyond
+        return self.base(s) if callable(self.base) else self.base
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Scaled(_Derived):
-    """Times a number, or one number for each component."""
+class Expanded(Value):
+    """A number, pair or function of s, plus a series of Legendre polynomials on [0, length]."""
 
-    factor: float | Floats
-
-    def __call__(self, s: float) -> Floats:
-        """Return the value at `s` (m)."""
-        return self.factor * self._at(s)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Shifted(_Derived):
-    """Plus a constant."""
-
-    shift: Floats
-
-    def __call__(self, s: float) -> Floats:
-        """Return the value at `s` (m)."""
-        return self._at(s) + self.shift
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Expanded(_Derived):
-    """Plus a series of Legendre polynomials on [0, length]."""
-
+    base: Along
     coefficients: Floats  # (m, k) of P_0 ... P_{m-1} in 2 s / length - 1
     length: float         # m
 
+    @property
+    def breaks(self) -> Floats:
+        """(n,) arc lengths where it is known to jump, m."""
+        return breaks_of(self.base)
+
     def __call__(self, s: float) -> Floats:
         """Return the value at `s` (m)."""
-        return self._at(s) + legval(2 * s / self.length - 1, self.coefficients)
+        base = self.base(s) if callable(self.base) else self.base
+        result: Floats = np.asarray(base) + legval(2 * s / self.length - 1, self.coefficients)
+        return result
 
 
 def breaks_of(content: object) -> Floats:
@@ -214,7 +175,7 @@ def breaks_of(content: object) -> Floats:
 def scaled(content: Along, factor: float) -> Along:
     """Return a number, a tuple of numbers or a function of s, times `factor`."""
     if callable(content):
-        return Scaled(content, factor)
+        return Mapped(content, factor)
     return tuple(factor * part for part in content) if isinstance(content, tuple) else (
         factor * content)
 
@@ -314,10 +275,12 @@ def resolved(name: str, function: Callable[[float], Any], length: float, stated:
 
 def straight(table: Table, length: float) -> Profile:
     """Return the Profile of a Table on [0, length]: known without a look at it."""
-    inside = table.s[(table.s > 0) & (table.s < length)]
-    edges = np.unique(np.concatenate([[0.0], inside, [length]]))
+    inside = (table.s > 0) & (table.s < length)
+    edges = np.unique(np.concatenate([[0.0], table.s[inside], [length]]))
     values = _at(lambda s: np.atleast_1d(table(s)), edges[:-1], np.diff(edges), _AT)
-    return Profile(edges, values, np.unique(inside[1:][inside[1:] == inside[:-1]]))
+    rows = table.values.reshape(table.s.size, -1)
+    change = (np.abs(np.diff(rows, axis=0)) > _JUMP * np.abs(rows).max(axis=0)).any(axis=1)
+    return Profile(edges, values, table.s[1:][inside[1:] & (np.diff(table.s) == 0) & change])
 
 
 def smooth(content: Expanded, length: float) -> Profile:

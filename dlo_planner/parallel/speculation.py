@@ -32,8 +32,7 @@ from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.search import TOLERANCE
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, made_by, motion_by
-from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.step import past_of
+from dlo_planner.direct.statics import equilibrium, past_of
 from dlo_planner.direct.stepper import NO_GUESS, Acceptance, StepBatch, Stepper, TimePoint
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration

@@ -50,7 +50,7 @@ class PlanBuilder:
     def __init__(self, depths: ArrayLike, demands: Judge, what: str = 'waypoint',
                  initial: Shape | None = None, stops: Iterable[int] = ()) -> None:
         self.waypoints: list[Waypoint] = []
-        self._rooms: list[float | None] = []  # of each, beside everything, m; None: not known
+        self._rooms: list[float] = []  # of each, beside everything, m
         self._initial, self._stops = initial, stops
         self._depths: Floats = np.asarray(depths, dtype=float)
         self._demands, self._what = demands, what
@@ -85,16 +85,16 @@ class PlanBuilder:
         margins = list(self._demands.margins(waypoint))
         broken = violated(margins)
         if broken is not None:
-            raise self.refusal(broken.name, -broken.room, broken.message)
+            raise self.refusal(broken.name, -broken.room, broken.message, broken.unit)
         self.waypoints.append(waypoint)
-        self._rooms.append(None if waypoint.sheets and not waypoint.measured else min(
-            one.room for one in margins if one.name == 'clearance'))
+        self._rooms.append(min(self._demands.room_beside_touched(waypoint.shape), *(
+            one.room for one in margins if one.name == 'clearance')))
         self._demands.progress.done(len(self.waypoints), len(self._depths))
 
-    def refusal(self, constraint: str, amount: float, why: str) -> Infeasible:
+    def refusal(self, constraint: str, amount: float, why: str, unit: str = 'm') -> Infeasible:
         """Return Infeasible for the next waypoint, with the plan up to it as evidence."""
         return _refusal(self._what, len(self.waypoints), self._depths, constraint, float(amount),
-                        why, self.partial())
+                        unit, why, self.partial())
 
     def finished(self) -> Plan:
         """Return the Plan; raises Infeasible if it breaks a demand between two waypoints."""
@@ -107,11 +107,12 @@ class PlanBuilder:
 
     def _plan(self, status: PlanStatus) -> Plan:
         stops = tuple(stop for stop in self._stops if stop < len(self.waypoints))
-        return build_plan(self.waypoints, self._depths, self._demands.speeds, status, stops)
+        return build_plan(self.waypoints, self._depths, self._demands.speeds, status, stops,
+                          self._rooms)
 
 
 def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
-                 known: Sequence[float | None] | None = None) -> Plan:
+                 known: Sequence[float] | None = None) -> Plan:
     """Return a Plan that keeps its demands between waypoints, on the path of its Trajectory.
 
     known: rooms at the waypoints beside everything, m, where they are.
@@ -124,22 +125,23 @@ def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
     if broken is None:
         return plan
     assert broken.place is not None  # it is between waypoints
-    raise _refusal(what, broken.place, plan.depths, broken.name, -broken.room, broken.message,
-                   truncate(plan, broken.place, PlanStatus.PARTIAL))
+    raise _refusal(what, broken.place, plan.depths, broken.name, -broken.room, broken.unit,
+                   broken.message, truncate(plan, broken.place, PlanStatus.PARTIAL))
 
 
-def _refusal(what: str, index: int, depths: Floats, constraint: str, amount: float, why: str,
-             plan: Plan) -> Infeasible:
+def _refusal(what: str, index: int, depths: Floats, constraint: str, amount: float, unit: str,
+             why: str, plan: Plan) -> Infeasible:
     """Return Infeasible for the waypoint `index`."""
     deep = bool(np.any(depths))
     depth = f' (depth {depths[index]:g} m)' if deep else ''
     kept = f'; all is kept to depth {depths[index - 1]:g} m' if deep and index else ''
-    return Infeasible(f'{what} {index}{depth}: {why}{kept}', index, constraint, amount, plan)
+    return Infeasible(f'{what} {index}{depth}: {why}{kept}', index, constraint, amount, plan, unit)
 
 
 def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[float, float],
-               status: PlanStatus, stops: tuple[int, ...] = ()) -> Plan:
-    """Return the Plan of Waypoints at the first of the `depths`; speeds: m/s, rad/s."""
+               status: PlanStatus, stops: tuple[int, ...] = (),
+               rooms: Sequence[float] = ()) -> Plan:
+    """Return the Plan of Waypoints at the first of the `depths`; speeds: m/s, rad/s; rooms: m."""
     grippers = [waypoint.shape.gripper for waypoint in waypoints]
     return Plan(np.array(depths[:len(waypoints)]), tuple(grippers),
                 tuple(waypoint.shape for waypoint in waypoints),
@@ -149,7 +151,7 @@ def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[floa
                 tuple(waypoint.via_points for waypoint in waypoints),
                 padded_clearances([waypoint.clearances for waypoint in waypoints]),
                 waypoints[-1].sheets if waypoints else (),
-                len(waypoints) / len(depths), status, stops)
+                len(waypoints) / len(depths), status, stops, clearance=np.array(rooms))
 
 
 def refusal_for_leap(simulator: DirectSimulator, builder: PlanBuilder,

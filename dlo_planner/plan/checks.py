@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.shape import Shape, in_itself
+from dlo_planner.direct.shape import Shape, in_itself, largest_in_elements
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle
@@ -27,18 +27,20 @@ from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import Progress
 
 _LIGHTER = 1e-3  # of a least force: what a mesh makes of it
+_TOUCHES = 1e-9  # of the length: rounding errors of a distance
 ROOM = 0.25      # part of the room in a hole that a motion may lose, whatever its tolerance
 _EXCEEDED = 2.0  # what breaks a demand that has no limit counts as so many limits
 
 
 class Margin(NamedTuple):
-    """How much of a demand is left, in its unit; below 0 it is broken."""
+    """How much of a demand is left; below 0 it is broken."""
 
     name: str  # of the demand: the constraint of `Infeasible`
     room: float
     words: str  # of a broken one, with {over}, {found} and {limit}
     found: float = np.nan
     limit: float = np.nan
+    unit: str = 'm'
     place: int | None = None  # waypoint to which the gripper is going, between two of them
 
     @property
@@ -67,6 +69,7 @@ class Judge:
     progress: Progress = field(default_factory=Progress)  # reports each waypoint
     workspace: Workspace | None = None
     obstacles: tuple[Obstacle, ...] = ()  # obstacles that the DLO must not touch
+    touched: tuple[Obstacle, ...] = ()  # those that it may touch: its distance from them is said
     surface: Surface = Surface()  # of the DLO
     # (3,) or None strains since the stress-free shape, torsion and both curvatures, at which the
     # DLO would yield, 1/m, or None where it may
@@ -98,6 +101,15 @@ class Judge:
     def _bodies(self) -> tuple[Bodies, ...]:
         return tuple(Bodies((), (obstacle,), self.surface) for obstacle in self.obstacles)
 
+    @cached_property
+    def _touched_bodies(self) -> Bodies:
+        return Bodies((), self.touched, self.surface)
+
+    def room_beside_touched(self, shape: Shape) -> float:
+        """Return the smallest distance (m) of a Shape from what it may touch; inf: nothing."""
+        room = self._touched_bodies.exact(shape)
+        return room if abs(room) > _TOUCHES * shape.s[-1] else 0.0
+
     def margins(self, waypoint: Waypoint, commanded: Pose | None = None) -> Iterator[Margin]:
         """Yield how much of each demand a Waypoint leaves, in the order in which they refuse.
 
@@ -114,11 +126,11 @@ class Judge:
         if self.angle_tolerance is not None:
             yield Margin('angle_tolerance', self.angle_tolerance - waypoint.misalignment, 'the DLO '
                          'is {found:.3g} rad off its direction, angle_tolerance = {limit:g} rad',
-                         waypoint.misalignment, self.angle_tolerance)
+                         waypoint.misalignment, self.angle_tolerance, 'rad')
         yield Margin('clearance', waypoint.clearance, 'the DLO is {over:.3g} m in the sheet around '
                      'a cut-out (infinite, if no Sheet among the obstacles has this hole): it '
                      'would need as much more room')
-        around = [sheet for sheet, _ in waypoint.sheets] if waypoint.measured else []
+        around = [sheet for sheet, _ in waypoint.sheets]
         for index, (obstacle, body) in enumerate(zip(self.obstacles, self._bodies, strict=True)):
             if any(obstacle is sheet for sheet in around):
                 continue  # that is its clearance
@@ -126,30 +138,31 @@ class Judge:
                          f'the DLO is {{over:.3g}} m in {type(obstacle).__name__} {index}')
         yield Margin('stability', shape.stability - self.stability, 'the DLO would hardly stay in '
                      'this shape: stability {found:.3g}, at least {limit:g} is required',
-                     shape.stability, self.stability)
+                     shape.stability, self.stability, '')
         if self.min_force:
             force = sum(one.force for one in shape.contacts if one.obstacle == self.pressed)
             room = force - self.min_force
             yield Margin('contact_force', room if room < -_LIGHTER * self.min_force else 0.0,
                          'the DLO would press with {found:.3g} N, at least {limit:.3g} N are '
-                         'required (min_force)', force, self.min_force)
-        for name, limit, part in zip(('max_force', 'max_moment'), self.wrench_limits,
-                                     (slice(3), slice(3, 6)), strict=True):
+                         'required (min_force)', force, self.min_force, 'N')
+        for name, unit, limit, part in zip(('max_force', 'max_moment'), ('N', 'N m'),
+                                           self.wrench_limits, (slice(3), slice(3, 6)),
+                                           strict=True):
             if limit is not None:
                 wrenches = [shape.gripper_wrench, *([shape.far_wrench] if shape.far_end else [])]
                 most = max(float(np.linalg.norm(wrench[part])) for wrench in wrenches)
-                yield Margin(name, limit - most, 'a grip would exert {found:.3g}, at most '
-                             f'{name} = {{limit:g}} is allowed', most, limit)
+                yield Margin(name, limit - most, f'a grip would exert {{found:.3g}} {unit}, at '
+                             f'most {name} = {{limit:g}} {unit} is allowed', most, limit, unit)
         yield Margin('self_distance', -in_itself(shape, self.surface), 'the DLO would lie '
                      '{over:.3g} m in itself: nothing holds its pieces off each other')
         if rod is not None and rod.max_bend_curvature is not None:
             yield Margin('max_bend_curvature', shape.bend_margin, 'the DLO is bent by {over:.3g} '
                          '1/m more than max_bend_curvature = {limit:g} 1/m',
-                         limit=rod.max_bend_curvature)
+                         limit=rod.max_bend_curvature, unit='1/m')
         if self.yield_limits is not None:
             load = utilization(shape, self.yield_limits)
             yield Margin('yield', 1 - load, 'the DLO would yield: bent or twisted to {found:.3g} '
-                         'times its limits', load)
+                         'times its limits', load, unit='')
 
     def violation(self, waypoint: Waypoint, commanded: Pose | None = None) -> Margin | None:
         """Return the Margin of the first demand that a Waypoint breaks, or None."""
@@ -165,17 +178,19 @@ def motion_margins(motion: Mapping[str, float], planned_miss: float, tolerance: 
     where the motion has to be calm. If None, it has not.
     """
     if not motion['converged']:
-        return [Margin('motion', -np.inf, 'the motion could not be simulated to its end', limit=1)]
+        return [Margin('motion', -np.inf, 'the motion could not be simulated to its end', limit=1,
+                       unit='')]
     missed = motion['position_error'] - planned_miss
     margins = [
         Margin('clearance', motion['clearance'],
                'in motion the DLO is {over:.3g} m in the sheet or an obstacle', limit=tolerance),
         Margin('contact', 0.0 if touches else -motion['contact_force'],
-               'in motion the DLO touches something, with {over:.3g} N'),
+               'in motion the DLO touches something, with {over:.3g} N', unit='N'),
         Margin('contact', -motion['contact_lost'],
-               'the DLO loses a contact that the plan keeps, {over:.2%} of the time'),
+               'the DLO loses a contact that the plan keeps, {over:.2%} of the time', unit=''),
         Margin('max_bend_curvature', motion['bend_margin'],
-               'in motion the DLO is bent by {over:.3g} 1/m more than max_bend_curvature'),
+               'in motion the DLO is bent by {over:.3g} 1/m more than max_bend_curvature',
+               unit='1/m'),
         Margin('miss', tolerance - missed, f'in motion the DLO misses by '
                f'{motion["position_error"]:.3g} m: expected at most {planned_miss + tolerance:.3g} '
                'm', missed, tolerance)]
@@ -199,7 +214,7 @@ def utilization(shape: Shape, yield_limits: Floats) -> float:
 
 
 def yield_shares(shape: Shape, yield_limits: Floats) -> Floats:
-    """Return (N_L,) the strains since the stress-free shape as a part of the yield limits.
+    """Return (N_L,) the largest strains of elements as a part of the yield limits.
 
     Curvature counts by the ellipse of its two limits, of a rectangle by the strain of its corners;
     torsion counts separately.
@@ -207,7 +222,11 @@ def yield_shares(shape: Shape, yield_limits: Floats) -> Floats:
     Shapes: yield_limits (3,).
     """
     assert shape.rod is not None  # `bent` needs it too
-    part: Floats = np.abs(shape.bent) / yield_limits
     cornered = shape.rod.section_outline[0] == 'rectangular'
-    bend = part[:, 1] + part[:, 2] if cornered else np.hypot(part[:, 1], part[:, 2])
-    return np.maximum(part[:, 0], bend)
+
+    def share(bent: Floats) -> Floats:
+        part: Floats = np.abs(bent) / yield_limits
+        bend = part[:, 1] + part[:, 2] if cornered else np.hypot(part[:, 1], part[:, 2])
+        return np.maximum(part[:, 0], bend)
+
+    return largest_in_elements(shape, share)

@@ -32,13 +32,13 @@ Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
 
 # fields of a Plan with an entry for each waypoint
 PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times',
-                'via_points', 'clearances', 'insertion_force')
+                'via_points', 'clearances', 'insertion_force', 'clearance')
 _SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
 _STRAIGHT = np.cos(np.deg2rad(5))
 _NEAR = 0.1       # of the length: how far before the planned arc length the DLO may pass a center
 _ARRAYS = {'depths': 'depths', 'misalignment': 'misalignment', 'miss': 'position_error',
            'times': 'times', 'clearances': 'clearances', 'stops': 'stops',
-           'insertion_force': 'insertion_force'}  # in a file: in a Plan
+           'insertion_force': 'insertion_force', 'clearance': 'clearance'}  # in a file: in a Plan
 
 
 class PlanStatus(Enum):
@@ -100,6 +100,10 @@ class Plan(Filmed):
         Force in N that pushes the DLO on into a bore; below 0 it falls in by itself. An estimate at
         rest (`plan/bore.py`), no bound; nan where it was not looked at: the bore's radius or
         friction is not stated, or nothing is inserted.
+    clearance : ndarray, shape (n,)
+        Smallest distance in m between the DLO's surface and all that is around it: the sheets of
+        its cut-outs and the simulator's obstacles, about 0 where it touches one; infinite where
+        there is nothing. If not given, the smallest of the `clearances`.
     """
 
     depths: Floats
@@ -115,20 +119,23 @@ class Plan(Filmed):
     status: PlanStatus
     stops: tuple[int, ...] = ()
     insertion_force: Floats = ()  # type: ignore[assignment]  # an array (n,) from then on
+    clearance: Floats = ()  # type: ignore[assignment]  # the same
 
     def __post_init__(self) -> None:
         grippers = items('Plan.grippers', self.grippers, Pose)
         n = len(grippers)
         if isinstance(self.insertion_force, tuple) and not self.insertion_force:
             put(self, insertion_force=np.full(n, np.nan))
-        for name in PER_WAYPOINT:
+        for name in PER_WAYPOINT[:-1]:  # the last, clearance, follows from others
             if len(items(f'Plan.{name}', getattr(self, name), object)) != n:
                 raise InvalidTask(f'Plan.{name} = {shown(getattr(self, name))}: expected one entry '
                                   f'per gripper pose, {n}')
+        put(self, clearances=results('Plan.clearances', self.clearances, (n, None, 3)))
+        if isinstance(self.clearance, tuple) and not self.clearance:
+            put(self, clearance=self.clearances.min(axis=(1, 2), initial=np.inf))
         put(self, grippers=grippers, shapes=items('Plan.shapes', self.shapes, Shape),
             via_points=tuple(items('Plan.via_points', one, tuple)
                          for one in items('Plan.via_points', self.via_points, (Iterable,))),
-            clearances=results('Plan.clearances', self.clearances, (n, None, 3)),
             sheets=items('Plan.sheets', self.sheets, tuple),
             fraction=number('Plan.fraction', self.fraction, minimum=0, maximum=1),
             status=instance('Plan.status', self.status, PlanStatus),
@@ -136,7 +143,7 @@ class Plan(Filmed):
                         for stop in items('Plan.stops', self.stops, object)),
             **{name: results(f'Plan.{name}', getattr(self, name), (n,))
                for name in ('depths', 'misalignment', 'position_error', 'times',
-                            'insertion_force')})
+                            'insertion_force', 'clearance')})
         super().__post_init__()
 
     def __len__(self) -> int:
@@ -180,12 +187,6 @@ class Plan(Filmed):
             Not such a file; the message names it.
         """
         return load(path, plan_of, 'Plan')
-
-    @property
-    def clearance(self) -> Floats:
-        """(n,) smallest of the `clearances` of each waypoint, m."""
-        result: Floats = self.clearances.min(axis=(1, 2), initial=np.inf)
-        return result
 
     @property
     def goals(self) -> tuple[tuple[Residuals, ...], ...]:
@@ -333,7 +334,7 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
         raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
                           f'{one.grippers[-1]!r}')
-    depths, grippers, shapes, misalignment, errors, times, via_points, clearances, pushes = (
+    depths, grippers, shapes, misalignment, errors, times, via_points, clearances, *rest = (
         [*getattr(one, name), *getattr(other, name)[1:]] for name in PER_WAYPOINT)
     end = len(one) - 1
     times[end + 1:] = one.times[-1] + other.times[1:] - other.times[0]
@@ -344,7 +345,7 @@ def concatenate(one: Plan, other: Plan) -> Plan:
                 np.array(errors), np.array(times), tuple(via_points), padded_clearances(clearances),
                 other.sheets or one.sheets,
                 min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))),
-                np.array(pushes))
+                *map(np.array, rest))
 
 
 def _turns(grippers: Sequence[Pose], length: float) -> bool:

@@ -54,7 +54,7 @@ _LEAP = 3.0     # motion of the DLO per lever and turn of the gripper: more is n
 
 def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[SheetSide],
                       demands: Judge,
-                      known: Sequence[float | None] | None = None) -> Margin | None:
+                      known: Sequence[float] | None = None) -> Margin | None:
     """Return the first Margin that is broken between the waypoints of a plan, or None.
 
     known: rooms of the shapes beside everything, m, where they are.
@@ -97,10 +97,10 @@ class _Sweep:
     def __init__(self, path: GripperPath, bodies: Bodies, simulator: DirectSimulator) -> None:
         self._path, self._bodies, self._simulator = path, bodies, simulator
 
-    def broken(self, shapes: Sequence[Shape], known: Sequence[float | None] | None,
+    def broken(self, shapes: Sequence[Shape], known: Sequence[float] | None,
                outside: Margin | None) -> Margin | None:
         """Return the first Margin that is broken before n Shapes, earlier than `outside`."""
-        known = [None] * len(shapes) if known is None else known
+        known = [*map(self._bodies.exact, shapes)] if known is None else known
         for leg in self._path.legs:
             if leg.still:
                 continue
@@ -111,16 +111,13 @@ class _Sweep:
                     return None
                 if before is None:
                     start = np.searchsorted(self._path.times, a, side='right') - 1
-                    before = self._look(a, shapes[start], known[start])
-                after = self._look(b, shapes[goal], known[goal])
+                    before = _look(self._bodies, a, shapes[start], known[start])
+                after = _look(self._bodies, b, shapes[goal], known[goal])
                 what = self._between(leg, before, after, bends, _HALVINGS)
                 if what is not None:
                     return what._replace(place=goal)
                 before = after
         return None
-
-    def _look(self, u: float, shape: Shape, least: float | None = None) -> _Look:
-        return _look(self._bodies, u, shape, self._bodies.exact(shape) if least is None else least)
 
     def _between(self, leg: Leg, one: _Look, other: _Look, bends: Floats,
                  halvings: int) -> Margin | None:
@@ -157,7 +154,7 @@ class _Sweep:
         shape = self._simulator.track([Pose.from_rotation(position, rotation)],
                                       initial=one.shape, far_ends=held)[0]
         if shape.converged and not shape.jumped:
-            return self._look(u, shape), None
+            return _look(self._bodies, u, shape, self._bodies.exact(shape)), None
         away = float(np.linalg.norm(shape.positions[-1] - one.shape.positions[-1]))
         return None, Margin('continuity', -away, 'on the way there the DLO falls into another '
                             'shape: its free end comes {over:.3g} m away')

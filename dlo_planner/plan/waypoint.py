@@ -30,11 +30,10 @@ class Waypoint(NamedTuple):
     via_points: Passes = ()
     clearances: tuple[Sequence[float] | Floats, ...] = ()
     sheets: tuple[tuple[Sheet, Floats], ...] = ()
-    measured: bool = False  # whether the clearances are all that the DLO has beside the sheets
 
     @property
     def clearance(self) -> float:
-        """Smallest of the clearances, m."""
+        """Smallest of the clearances beside the sheets, m."""
         return min((float(min(rooms)) for rooms in self.clearances), default=np.inf)
 
     def with_via_point(self, center: Floats, s: float, normal: Floats | None = None) -> Waypoint:
@@ -63,7 +62,7 @@ class Holes:
     def passed(self, waypoint: Waypoint) -> Waypoint:
         """Return a Waypoint with its clearances."""
         rooms = iter(self._bodies.holes(waypoint.shape))
-        return waypoint._replace(sheets=self._sheets, measured=True, clearances=tuple(
+        return waypoint._replace(sheets=self._sheets, clearances=tuple(
             next(rooms) if sized else _FREE for sized in self._sized))
 
 

@@ -28,6 +28,8 @@ from dlo_planner.trajectory.dynamic_check import (
     InMotion,
     calm_shapes,
     in_motion,
+    instants,
+    misses,
     step_error,
     unplanned,
 )
@@ -103,6 +105,8 @@ def _quick(simulator: DirectSimulator) -> DirectSimulator:
 
 _ROUNDS = 7         # of aiming lower
 _SPARE = 0.9        # part of the tolerance that is aimed at again
+_STRAYS = 1.2       # times the tolerance: a shift of the gripper brings back less
+_SURELY = 1.3       # times slower than a lag seems to need
 # statuses of a Trajectory
 COMPLETE = 'complete'
 DEADLINE = 'calm, but not all is known of it: the deadline came first'
@@ -150,10 +154,39 @@ class CalmSearch:
         return self._free.solve(begin.gripper, begin)
 
     @cached_property
-    def _tasks(self) -> Sequence[LegTask | None]:
-        """A LegTask for each leg, None for a dwell."""
+    def _damped_tasks(self) -> Sequence[LegTask | None]:
         return leg_tasks(self._free, self.plan, self.fastest.path, self.fastest.limits,
                          self._first, self.progress.check)
+
+    @cached_property
+    def _damping_ratio(self) -> float:
+        """Largest one of the slowest vibration; above 1 the DLO lags behind and creeps to rest.
+
+        How far depends on the speed alone, of which modes tell nothing.
+        """
+        return max((float(task.response.damping[:, 0].max()) for task in self._damped_tasks
+                    if task is not None), default=0.0)
+
+    @cached_property
+    def _tasks(self) -> Sequence[LegTask | None]:
+        """A LegTask for each leg, None for a dwell; of a DLO that creeps: as if it did not."""
+        if self._damping_ratio <= 1:
+            return self._damped_tasks
+        return [task and task.undamped() for task in self._damped_tasks]
+
+    @cached_property
+    def _slow(self) -> Sequence[Shape] | None:
+        """The Shapes of the DLO that follows the path slowly; None of one that a bore takes."""
+        return calm_shapes(self._free, self.plan, self.fastest, self._first, self.progress)
+
+    @cached_property
+    def _strays(self) -> float:
+        """By how much (m) the DLO misses between the waypoints, more than at them, at any speed."""
+        if self._slow is None or not any(self.plan.via_points):
+            return 0.0
+        reached = self.fastest.progress(instants(self.simulator, self.fastest))
+        return float(misses(self.plan, reached, self._slow).max()
+                     - self.plan.position_error.max())
 
     @property
     def slowest_period(self) -> float:
@@ -168,11 +201,17 @@ class CalmSearch:
                       Surface.of(self.simulator.rod)).least(self.plan.shapes)
 
     @property
+    def _hopeless(self) -> bool:
+        """Whether the DLO strays so far that no motion can keep the tolerance, aside or not."""
+        return self._strays > _STRAYS * self.tolerance
+
+    @property
     def over(self) -> bool:
         """Whether no other law is left to be tried."""
-        return (not self._first.converged or self._inside > 0
+        return (not self._first.converged or self._inside > 0 or self._hopeless
                 or self._rounds >= (self.rounds or _ROUNDS)
-                or self._missed_by.slowest > SLOWEST * self.fastest.duration)
+                or self._missed_by.slowest > SLOWEST * self.fastest.duration
+                or self._slower > SLOWEST and self._damping_ratio > 1)
 
     def go_on(self, below: float = np.inf) -> Calm | None:
         """Return what the next laws come to if the DLO stays calm; None if not.
@@ -196,20 +235,23 @@ class CalmSearch:
         # lower than what this way seemed to keep: else the same one would be found again
         kept = max((one for one in known if one <= self._aim), default=self._aim)
         self._missed_by = replace(missed, slowest=max(missed.slowest, timed.duration))
-        self._aim = kept * max(min(_SPARE / worst.used, _SPARE), 0.25)
-        self._slower *= np.sqrt(2) if worst.used < 4 else 2.0
+        if self._damping_ratio > 1:  # it lags by as much less as it is slower
+            slower = _SURELY * worst.used * self._slower
+            self._slower = slower if self._slower == SLOWEST else min(slower, SLOWEST)
+        else:
+            self._aim = kept * max(min(_SPARE / worst.used, _SPARE), 0.25)
+            self._slower *= np.sqrt(2) if worst.used < 4 else 2.0
         self._rounds += 1
         return None
 
     def _depth(self, timed: TimedPath, motion: InMotion) -> float:
         """Return how deep the DLO that follows slowly is in something, m; not by a shift alone."""
         deep = -float(np.fmin(motion.calm_gap, np.fmin(motion.calm_clearance, 0.0)))
-        if deep > 0 and any(law is not None and law.shift is not None for law in timed.laws):
-            slow = calm_shapes(self._free, self.plan, self.fastest, self._first, self.progress)
-            if slow is not None:
-                bodies = Bodies(self.plan.sheets, (*self.obstacles, *unplanned(
-                    self.simulator, self.plan)), Surface.of(self.simulator.rod))
-                return -float(np.fmin(bodies.least(slow), 0.0))
+        if deep > 0 and self._slow is not None and any(
+                law is not None and law.shift is not None for law in timed.laws):
+            bodies = Bodies(self.plan.sheets, (*self.obstacles, *unplanned(
+                self.simulator, self.plan)), Surface.of(self.simulator.rod))
+            return -float(np.fmin(bodies.least(self._slow), 0.0))
         return deep
 
     def refusal(self) -> Infeasible:
@@ -217,17 +259,25 @@ class CalmSearch:
         broken = self._missed_by.margin
         if not self._first.converged:
             return Infeasible(f'limits: where the motion begins, the DLO is '
-                              f'{self._first.status}', 0, 'motion', np.inf, self.plan)
+                              f'{self._first.status}', 0, 'motion', np.inf, self.plan, '')
+        if self._hopeless:
+            return Infeasible('limits: however slow it is, between the waypoints the DLO misses '
+                              f'by {self._strays:.3g} m more than at them: expected at most '
+                              f'{self.tolerance:.3g} m; closer waypoints help', len(self.plan) - 1,
+                              'miss', self._strays - self.tolerance, self.plan)
         assert broken is not None  # of the laws that were tried
-        name, said, amount = broken.name, f'limits: {self.reached}', -broken.room
+        name, said, amount, unit = broken.name, f'limits: {self.reached}', -broken.room, broken.unit
         if self._inside > 0:
-            name, amount = name if name == 'contact' else 'clearance', self._inside
+            name, amount, unit = name if name == 'contact' else 'clearance', self._inside, 'm'
             said = ('limits: however slow it is, the DLO touches what the plan does not, '
                     f'{amount:.3g} m deep')
         elif broken.name in ('miss', 'departure'):
             said = (f'limits: the DLO is not calm: {self.reached}: expected at most '
                     f'{self.tolerance:.3g} m')
-        return Infeasible(said, len(self.plan) - 1, name, float(amount), self.plan)
+            if self._damping_ratio > 1:
+                said += (f'; it lags behind: the damping ratio of its slowest vibration is '
+                         f'{self._damping_ratio:.3g}')
+        return Infeasible(said, len(self.plan) - 1, name, float(amount), self.plan, unit)
 
     @property
     def reached(self) -> str:
@@ -254,6 +304,8 @@ class CalmSearch:
             if task is not None:
                 begins = task.rest if before is None else task.taken_over(before, states)
                 calm = calm_law(task, aim, begins, self.progress.check)
+                if self._damping_ratio > 1 and slower > 1:
+                    calm = calm.slower(slower)
                 laws.append(calm)
                 known.append(predicted(task, calm, begins))
                 before, states = task, task.after(calm, begins)

@@ -200,11 +200,11 @@ def step_error(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: 
     finer = simulator.simulate(timed.poses(times), times[1], first, progress=progress.done)
     if not finer.converged:
         return np.inf
-    missed = float(_misses(plan, timed.progress(times), finer.shapes).max())
+    missed = float(misses(plan, timed.progress(times), finer.shapes).max())
     return 4 / 3 * abs(missed - motion.position_error)
 
 
-def _misses(plan: Plan, reached: Floats, shapes: Sequence[Shape]) -> Floats:
+def misses(plan: Plan, reached: Floats, shapes: Sequence[Shape]) -> Floats:
     """Return the distances (n,) of shapes at times of a plan from the centers to be passed, m."""
     last = np.clip(np.searchsorted(plan.times, reached, side='right') - 1, 0, len(plan) - 2)
     goals = [goals_between(plan, k) for k in range(len(plan) - 1)]
@@ -291,7 +291,7 @@ def _without_bore(simulator: DirectSimulator, plan: Plan, instants: Instants, fi
     if calm is None:
         calm = simulator.track(grippers, progress.done, first)
     swing = np.array([apart(*pair) for pair in zip(motion.shapes, calm, strict=True)])
-    errors = _misses(plan, instants.u, motion.shapes)
+    errors = misses(plan, instants.u, motion.shapes)
     force = max((contact.force for shape in motion.shapes for contact in shape.contacts),
                 default=0.0)
     # in contact velocities leap: no cubic polynomials tell what is between

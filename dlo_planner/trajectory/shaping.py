@@ -104,6 +104,7 @@ _WORSE = 2.0         # times the tolerance are allowed then, and with a wrong st
 _MOST_OFF, _TRIED = 0.3, 30  # part of the frequencies; how many such are tried
 _MUCH = 0.3          # of the tolerance: calmer laws are not looked for
 _FAR = 30.0          # times the tolerance: beyond help by a shift
+_SHIFTED = 24        # laws at most that a shift is tried with
 _ROUNDS = 4          # of slowing down to make room for a shift
 
 
@@ -145,6 +146,12 @@ class LegTask:
         for some in more:
             known.append(some)
             yield some
+
+    def undamped(self) -> LegTask:
+        """Return the task of the same DLO without damping."""
+        response, *wrong = (replace(one, damping=np.zeros_like(one.damping))
+                            for one in (self.response, *self.wrong))
+        return replace(self, response=response, wrong=tuple(wrong))
 
     @property
     def rest(self) -> list[Floats]:
@@ -193,7 +200,7 @@ def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = 
 
     def hold(law: TimeLaw, off: float) -> float:
         check()
-        kept = _within_limits(task, law, begins, off > tolerance, check)
+        kept = _within_limits(task, law, begins, off > tolerance and len(found) < _SHIFTED, check)
         found.append((predicted(task, kept, begins, check), kept))
         return found[-1][0]
 

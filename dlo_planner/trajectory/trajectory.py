@@ -96,8 +96,8 @@ class Trajectory(TimedPath, Reported):
     Infeasible
         The DLO cannot be made calm within 16 times the fastest duration; the constraint is 'miss',
         'clearance', 'contact' (a touch that is not planned, or a planned one that is lost),
-        'max_bend_curvature', 'departure' or 'motion'; the amount is what is missing, in the unit of
-        the constraint, or how deep the DLO touches something at any speed, m.
+        'max_bend_curvature', 'departure' or 'motion'; the amount is what is missing, or how deep
+        the DLO touches something at any speed: `Infeasible.unit` says which.
     DeadlineExceeded
         The deadline is over before a calm motion was found; the message says what was reached.
     """

@@ -50,7 +50,7 @@ class DrawLine(Task):
             found = minimize_penalty(context.without_obstacles, PositionAt(length, place), gripper,
                                      initial=shape, deadline=context.progress.left())
             if not found.converged:
-                raise builder.refusal('equilibrium', found.slope, f'{place} cannot be reached')
+                raise builder.refusal('equilibrium', found.slope, f'{place} cannot be reached', '')
             gripper, shape = found.gripper, found.shape
             builder.add(waypoint_at(shape, place, length, None))  # judged: workspace, obstacles ...
         return builder.finished()

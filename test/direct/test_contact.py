@@ -26,12 +26,9 @@ from dlo_planner import (
     Sheet,
     Sphere,
 )
-from dlo_planner.direct.shape import contacts_of, pack
+from dlo_planner.direct.shape import pack
 from dlo_planner.energy.loads import node_masses
-from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.problem import new_configuration
 from dlo_planner.energy.scene import build_scene, signed_distance
-from dlo_planner.minimize.solve import contact_rows
 from dlo_planner.rods import with_plug
 
 LEVEL = (0.0, 0.0, 0.0, 1.0)
@@ -136,6 +133,7 @@ def test_forces_balance_and_nothing_is_entered(wire, obstacle, basis):
     for shape in lowered(simulator, np.arange(0.92, 0.6, -0.08)):
         assert shape.converged and not shape.jumped
         assert shape.contacts and all(c.force > 0 for c in shape.contacts)
+        assert [c.s for c in shape.contacts] == sorted(c.s for c in shape.contacts)
         assert balance(wire, shape) < 1e-9
         assert moments(wire, shape) < 1e-9 * wire.mass_per_length * 9.81
         assert max(c.penetration for c in shape.contacts) < 1e-8
@@ -248,47 +246,7 @@ def test_a_gripper_just_below_the_surface_is_no_answer(wire, floor, depth):
 
 
 # ------------------------------------------------------------------------------------------------
-# Contacts as they are told to people: how deep, how strong, where, in what order.
-
-
-RADIUS = 0.01
-ROD = Rod(1.0, 0.0, 1.0, 0.7, radius=RADIUS)
-
-
-def contacts_at(height, obstacles):
-    """Return the Contacts of a straight DLO at a height, each node pressed by 3 N."""
-    direct = DirectSimulator(ROD, basis='local', n_elements=4, gravity=(0, 0, 0),
-                             obstacles=obstacles)
-    gripper = Pose((0.1, 0.2, height), (0, 0, 0, 1))
-    system = direct.mesh.system(gripper.rotation, gripper.position)
-    system.contacts.node[:, 1:] = 3.0
-    state = new_configuration(system)
-    evaluate(system, state)
-    contacts = contacts_of(direct.mesh.s, contact_rows(system, state), gripper.position)
-    return contacts, system.contacts.stiffness
-
-
-@pytest.mark.parametrize('gap', [-2e-6, 1e-6])
-def test_depth_force_and_place(gap):
-    contacts, stiffness = contacts_at(RADIUS + gap, [Plane((0, 0, 0), (0, 0, 1))])
-    assert [contact.s for contact in contacts] == [0.25, 0.5, 0.75, 1.0]
-    for contact in contacts:
-        assert contact.penetration == pytest.approx(max(0.0, -gap), abs=1e-12)
-        assert contact.force == pytest.approx(3.0 - stiffness * gap)
-        np.testing.assert_allclose(contact.position, (0.1 + contact.s, 0.2, RADIUS + gap))
-        np.testing.assert_allclose(contact.vector, [0, 0, contact.force])
-
-
-def test_each_contact_has_its_own_normal():
-    away = {0: np.array([0, 0.6, 0.8]), 1: np.array([0, -0.8, 0.6])}  # from the balls
-    place = {0: 0.75, 1: 0.25}
-    axis = np.array([0.1, 0.2, 0.3])
-    balls = [Sphere(axis + [place[k], 0, 0] - (0.05 + RADIUS) * away[k], 0.05) for k in (0, 1)]
-    contacts, _ = contacts_at(0.3, balls)
-    assert [(contact.obstacle, contact.s) for contact in contacts] == [(1, 0.25), (0, 0.75)]
-    for contact in contacts:
-        np.testing.assert_allclose(contact.normal, away[contact.obstacle], atol=1e-9)
-        np.testing.assert_allclose(contact.vector, 3.0 * away[contact.obstacle], atol=1e-5)
+# Friction.
 
 
 SLIDING = [(-0.002, 0.001, 0.01), (-0.006, 0.003, 0.01)]

@@ -9,8 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
-from dlo_planner.direct.continuation import between, fell, follow, shape_change
+from dlo_planner.direct.continuation import fell, follow, shape_change
 from dlo_planner.direct.shape import Contact
+from dlo_planner.direct.statics import between
 
 ROD = Rod(1.0, 0.0, 1.0, 0.7)
 STRAIGHT = DirectSimulator(ROD, n_elements=16, gravity=(0, 0, 0)).solve(Pose.identity())
@@ -190,6 +191,6 @@ def test_a_far_end_works_too():
     turned = np.array([pose(0.1).rotation] * len(STRAIGHT.s))
     after = replace(bent(pose(0.0), 0.0), energy=3.0, frames=turned, far_wrench=last)
     for energy, jumped in ((3.0, False), (2.0, True)):
-        end = FarEnd(Pose((1, 0, 0), (0, 0, 0, 1)))
+        end = FarEnd(Pose((1, 0, 0), pose(0.1).quaternion))
         shape = replace(after, energy=energy, far_end=end)
         assert follow(lambda *_, s=shape: s, before, pose(0.0), end).jumped == jumped

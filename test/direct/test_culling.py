@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet
-from dlo_planner.direct import step as step_module
+from dlo_planner.direct import statics
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.memory import Memory
@@ -65,7 +65,7 @@ def all_acts(monkeypatch):
 @pytest.fixture
 def free_alone(monkeypatch):
     """Have it fail where a step is made with all that may act."""
-    of_statics, refused = step_module._searched, 'the step was made with what does not act'
+    of_statics, refused = statics._searched, 'the step was made with what does not act'
 
     def free(*arguments, culled):
         assert culled, refused
@@ -77,7 +77,7 @@ def free_alone(monkeypatch):
         assert arguments[-1], refused
         return of_stepper(stepper, *arguments)
 
-    monkeypatch.setattr(step_module, '_searched', free)
+    monkeypatch.setattr(statics, '_searched', free)
     monkeypatch.setattr(Stepper, '_batch', batch)
 
 

@@ -28,7 +28,7 @@ from dlo_planner import (
     Sheet,
     Sphere,
 )
-from dlo_planner.direct import step
+from dlo_planner.direct import statics
 from dlo_planner.minimize.convergence import as_rounded
 
 HERE = Pose.identity()
@@ -393,6 +393,15 @@ def test_an_obstacle_that_is_not_touched_changes_nothing():
         np.testing.assert_allclose(shape.positions, alone.positions, atol=1e-6)
 
 
+def test_what_does_not_come_out_of_an_obstacle_says_of_which():
+    wall = Sheet(Pose((0.35, 0, 0), (0, 0, 0, 1)), 3.0, 3.0, 4e-3)  # between both grips
+    direct = DirectSimulator(cable(10.0), basis='local', n_elements=24, obstacles=[
+        Plane((0, 0, -5), (0, 0, 1)), wall])
+    shape = direct.solve(HERE, far_end=Pose((0.7, 0, 0), (0, 0, 0, 1)))
+    assert not shape.converged
+    assert 'inside obstacle 1 and does not come out' in shape.status
+
+
 # ------------------------------------------------------------------------------------------------
 # The way to where a step begins: in so many parts, and what is said where that is not enough.
 
@@ -412,12 +421,12 @@ def grippers(count):
 
 
 def test_what_takes_too_many_parts_is_given_up_and_said(monkeypatch):
-    made, relax = [], step.minimum
+    made, relax = [], statics.minimum
 
     def counted(*arguments):
         made.append(None)
         return relax(*arguments)
-    monkeypatch.setattr(step, 'minimum', counted)
+    monkeypatch.setattr(statics, 'minimum', counted)
     among = DirectSimulator(STRIP, obstacles=[Sheet.around(HOLE, thickness=0.0), BAR])
     start, *before, last = grippers(4)
     shape = DirectSimulator(STRIP).solve(start)
@@ -426,7 +435,7 @@ def test_what_takes_too_many_parts_is_given_up_and_said(monkeypatch):
     made.clear()
     arrived = among.solve(last, shape)
     assert arrived.converged and not arrived.jumped and len(made) > 100  # along the rim
-    monkeypatch.setattr(step, '_MORE_PARTS', 20)
+    monkeypatch.setattr(statics, '_MORE_PARTS', 20)
     made.clear()
     stuck = among.solve(last, shape)
     assert len(made) == 21

@@ -487,20 +487,6 @@ def test_matrices_tell_the_same(basis):
                                atol=1e-7)
 
 
-@pytest.mark.parametrize('case', HANGING)
-def test_bases_and_meshes_agree(case):
-    found = []
-    for options in ({}, {'basis': 'local', 'n_elements': 128}, {'accuracy': 1e-5},
-                    {'basis': 'local', 'n_elements': 24}):
-        simulator, pose = hanging(case, **options)
-        found.append(simulator.solve(pose).modes(5))
-    best = found[2].frequencies
-    for modes in found:
-        off = np.abs(modes.frequencies / best - 1)
-        assert (off < 2 * modes.error_estimate + 2e-4).all()
-        assert off.max() < 0.02
-
-
 def test_what_has_no_modes_is_refused(tmp_path):
     simulator, pose = hanging('bent', obstacles=())
     shape = simulator.solve(pose)

@@ -62,16 +62,6 @@ def test_both_references_agree():
     assert np.isfinite(energies).all()
 
 
-def test_a_free_motion_keeps_its_energy():
-    motion = motion_of('swing')
-    np.testing.assert_array_equal(motion.work, 0)
-    np.testing.assert_array_equal(motion.losses, 0)
-    swung = motion.kinetic_energy.max()
-    assert swung > 0.1
-    assert np.abs(motion.energy - motion.energy[0]).max() < 5e-3 * swung
-    assert motion.numerical_loss.min() > -1e-3 * swung
-
-
 def test_what_damping_takes_is_what_is_missing():
     thing = rod(damping=(0.4, 5e-3))
     straight = DirectSimulator(thing, gravity=(0, 0, 0)).solve(LEVEL)

@@ -167,3 +167,41 @@ def test_contacts_that_meet_within_a_step_leave_no_doubt_about_stability():
     assert [len(one.contacts) for one in (before, shape)] == [2, 1]
     again = simulator.solve(shape.gripper, shape)
     assert again.stability == pytest.approx(shape.stability, rel=1e-3)
+
+
+def test_a_contact_rolls_through_a_node_and_stability_with_it():
+    # a wire between two grips over a bar beneath its middle, where a node is: that touches, too,
+    # but carries nothing and holds nothing
+    wire = Rod.circular(0.6, 2e-3, 8960.0, 110e9, 0.34)
+    here, there = (Pose((x, 0, 0.3), (0, 0, 0, 1)) for x in (0.0, 0.5))
+    free = DirectSimulator(wire, basis='local', n_elements=40).solve(here, far_end=there)
+    height = free.positions[20, 2] + np.sign(free.positions[20, 2] - 0.3) * 0.01
+    found = []
+    for x in (-1e-6, -1e-9, 0.0, 1e-9, 1e-6):
+        bar = Capsule((0.25 + x, -0.5, height), (0.25 + x, 0.5, height), 0.02)
+        shape = DirectSimulator(wire, basis='local', n_elements=40, obstacles=[bar]).solve(
+            here, far_end=there)
+        contact, = shape.contacts
+        assert shape.converged and contact.s == pytest.approx(0.3, abs=2e-6)
+        found.append(shape.stability)
+    np.testing.assert_allclose(found, found[0], rtol=1e-3)
+
+
+@pytest.mark.parametrize('parts', [1, 4])
+def test_a_node_and_the_point_that_has_come_to_it_are_one_contact(parts):
+    # an arch is pressed on a floor in its middle, where a node is, or none: that changes nothing
+    rod = Rod(1.0, 0.0, 1.0, 0.7, natural_curvature=(-0.5, 0.5), radius=2e-3)
+    first, last = (Rotation.from_euler('y', turn).as_quat() for turn in (0.4, -0.4))
+    low = DirectSimulator(rod, basis='local').solve(
+        Pose((0, 0, 0), first), far_end=Pose((0.8, 0, 0), last)).positions[:, 2].min()
+    ends = [[Pose((x, 0, z), turn) for z in np.linspace(0, -0.06, 4 * parts + 1)]
+            for x, turn in ((0.0, first), (0.8, last))]
+    found = []
+    for elements in (64, 63):
+        shape = DirectSimulator(
+            rod, basis='local', n_elements=elements,
+            obstacles=[Plane((0, 0, low - 0.01), (0, 0, 1))]).track(ends[0], far_ends=ends[1])[-1]
+        contact, = shape.contacts
+        assert shape.converged and contact.s == pytest.approx(0.5, abs=1e-6)
+        found.append((contact.force, shape.stability))
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-3)

@@ -54,7 +54,7 @@ def made(surroundings: Surroundings, s: Floats) -> Magnet | None:
 
 def needs(effect: Magnet) -> dict[str, Any]:
     """Return what the solver has to provide for: springs on nodes, so displacements matter."""
-    return {'displaced': True, 'attached': True, 'sprung': True}
+    return {'displaced': True, 'attached': True}
 
 
 def hinged(effect: Magnet, _: float) -> Magnet:

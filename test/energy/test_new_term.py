@@ -45,7 +45,6 @@ LINES = [
      f'from {HOME}.magnet import potential as magnet_potential\n'),
     ("'contact': contact", ", 'magnet': magnet"),
     ('    contact: Any  # Contact or None\n', '    magnet: Any  # Magnet or None\n'),
-    ('    return Terms(elastic, plastic, effects.load, anchor, hold, contact', ', effects.magnet'),
     ('    energy, size = elastic_forces(effects.elastic, system, state)\n',
      '    more, terms = magnet_forces(effects.magnet, system, state)\n'
      '    energy, size = energy + more, size + terms\n'),
@@ -64,6 +63,7 @@ from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
 from dlo_planner.energy.terms import potential
 from MINIMIZER
+from references.blocks import dense
 from LINEAR
 
 def attracted(pole, weight, size=0.0, n=16, origin=(0.0, 0.0, 0.0)):
@@ -113,17 +113,18 @@ told['energy'] = [energy - 0.5 * np.sum(q**2),
                   potential(system.effects, system, state.positions + origin)]
 hessian = new_hessian(system)
 assemble(system, state, hessian)
+matrix = dense(system, hessian).reshape(*q.shape, *q.shape)
 told['slopes'], told['columns'] = [], []
 for index in np.ndindex(q.shape):
-    unit, column = np.zeros_like(q), np.empty_like(q)
+    unit = np.zeros_like(q)
     unit[index] = 1.0
-    multiply(system, hessian, unit, column)
+    column = matrix[(..., *index)]
     (up, high), (down, low) = at(system, q + 1e-6 * unit), at(system, q - 1e-6 * unit)
     told['slopes'].append([state.gradient[index], (up - down) / 2e-6])
     told['columns'].append([column.tolist(), ((high.gradient - low.gradient) / 2e-6).tolist()])
 print(json.dumps(told))
 '''.replace('MINIMIZER', 'dlo_planner.minimize.newton import newton').replace(
-    'LINEAR', 'dlo_planner.minimize.hessian import assemble, multiply, new_hessian')
+    'LINEAR', 'dlo_planner.minimize.hessian import assemble, new_hessian')
 
 
 @pytest.fixture(scope='module')
@@ -141,7 +142,8 @@ def told(tmp_path_factory):
             text = text.replace(there, there + more)
         path.write_text(text, encoding='utf-8')
     done = subprocess.run([sys.executable, '-c', SCRIPT], cwd=copy, text=True, capture_output=True,
-                          check=False, env={**os.environ, 'NUMBA_DISABLE_JIT': '1'})
+                          check=False, env={**os.environ, 'NUMBA_DISABLE_JIT': '1',
+                               'PYTHONPATH': str(Path(__file__).parents[1])})
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 

@@ -244,8 +244,9 @@ def test_plans_press_by_a_tenth_of_their_own_scale():
     np.testing.assert_allclose(pushes(slid), 0.05, rtol=0.01)
     with pytest.raises(Infeasible, match='at least 0.05 N') as caught:
         inverse.hold_contact(TOP, 0.6, forces=[0.01, 0.03], min_force=0.05)
-    assert caught.value.constraint == 'contact_force'
+    assert (caught.value.constraint, caught.value.unit) == ('contact_force', 'N')
     assert caught.value.amount == pytest.approx(0.02, rel=1e-3)
+    assert str(caught.value).endswith('(contact_force, by 0.02 N)')
     # going straight towards the bar with the way back, the contact becomes lighter
     with pytest.raises(Infeasible, match='min_force') as caught:
         inverse.slide_contact(TOP, [0.6, 0.65, 0.7], mode='straight', forces=[0.12],
@@ -256,7 +257,8 @@ def test_plans_press_by_a_tenth_of_their_own_scale():
 def test_what_cannot_be_held_is_refused():
     with pytest.raises(Infeasible, match='contact force') as caught:
         planner().hold_contact(TOP, 0.6, forces=[5 * WEIGHT, 6 * WEIGHT])  # it would fall aside
-    assert caught.value.constraint == 'contact'
+    assert (caught.value.constraint, caught.value.unit) == ('contact', '')
+    assert caught.value.amount > 0.02  # of stability: where the DLO would come to is not told
 
 
 @pytest.mark.parametrize(('change', 'named'), [

@@ -84,3 +84,14 @@ def test_a_replay_is_on_the_meshes_of_the_plan_and_does_not_fall(seed, index, ba
     rng = np.random.default_rng(seed)
     pair = [random_pair(rng) for _ in range(index + 1)][-1]
     assert threaded_two(*pair, basis, depths).what == 'replayed'
+
+
+@pytest.mark.parametrize('elements', [64, 256])
+def test_a_roll_that_has_to_go_around_a_fold_is_found_on_any_mesh(elements):
+    # smoothed, the rolls of all eight routes come too late at a depth of 0.25 m
+    spring = Rod(0.6455, 0.0203, (0.00308, 4.27), 0.00467)
+    first = CutOut(Pose.looking_along((0, 0, 0), (0.196, 0.791, -0.58)))
+    second = CutOut(Pose.looking_along((-0.014, 0.0641, -0.0534), (0.061, 0.735, -0.675)))
+    plan = InverseSimulator(DirectSimulator(spring, basis='local', n_elements=elements)).thread_two(
+        first, second)
+    assert len(plan) == 40 and plan.position_error.max() < 1e-9 and plan.stability.min() > 0.4

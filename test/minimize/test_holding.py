@@ -9,12 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
-from dlo_planner.direct import statics, step
+from dlo_planner.direct import statics
 from dlo_planner.energy.grip import constraint_value
 from dlo_planner.energy.potential import configuration_at, evaluate
-from dlo_planner.energy.problem import new_configuration, with_gripper_and_grip
+from dlo_planner.energy.problem import new_configuration
 from dlo_planner.minimize.hessian import assemble, new_hessian
-from dlo_planner.minimize.kkt import fill_rows_of_turns
 from dlo_planner.model.supports import GRIPS
 
 SIMULATORS = ({'basis': 'local', 'n_elements': 32}, {'n_elements': 32}, {})
@@ -43,7 +42,7 @@ def drawn(rng, grip, **options):
 @pytest.mark.parametrize('grip', GRIPS)
 @pytest.mark.parametrize('options', SIMULATORS)
 def test_it_finds_what_the_thorough_search_finds(grip, options, rng, monkeypatch):
-    quick, look = [], step.held_nearby
+    quick, look = [], statics.held_nearby
 
     def watched(*given):
         found = look(*given)
@@ -55,9 +54,9 @@ def test_it_finds_what_the_thorough_search_finds(grip, options, rng, monkeypatch
         if not shape.converged or shape.stability < 0.02:
             continue
         with monkeypatch.context() as patch:
-            patch.setattr(step, 'held_nearby', watched)
+            patch.setattr(statics, 'held_nearby', watched)
             found = simulator.solve(gripper, shape, far_end=end)
-            patch.setattr(step, 'held_nearby', lambda *_: None)
+            patch.setattr(statics, 'held_nearby', lambda *_: None)
             true = simulator.solve(gripper, shape, far_end=end)
         assert found.converged and true.converged and found.jumped == true.jumped
         np.testing.assert_allclose(found.positions, true.positions, rtol=0, atol=3e-9)
@@ -76,7 +75,7 @@ def test_two_millimeters_take_three_steps_and_no_way_in_parts(monkeypatch):
     wire = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
     simulator, gripper = DirectSimulator(wire, n_elements=64), Pose((0, 0, 1), (0, 0, 0, 1))
     known = simulator.solve(gripper, far_end=Pose((0.8, 0, 1), (0, 0, 0, 1)))
-    monkeypatch.setattr(step, '_predict', None)  # the way in parts begins with it
+    monkeypatch.setattr(statics, '_predict', None)  # the way in parts begins with it
     shape = simulator.solve(gripper, known, far_end=Pose((0.802, 0, 1.001), (0, 0, 0, 1)))
     assert shape.converged and shape.iterations <= 3
     again = simulator.solve(gripper, shape, far_end=shape.far_end)
@@ -101,9 +100,9 @@ def test_a_finer_mesh_goes_on_from_a_coarser_one(rng, monkeypatch):
     simulator, shape, _, _ = drawn(rng, 'clamped', basis='local', n_elements=32)
     fine = DirectSimulator(simulator.rod, basis='local', n_elements=200)
     with monkeypatch.context() as patch:
-        patch.setattr(step, 'held_nearby', lambda *_: None)
+        patch.setattr(statics, 'held_nearby', lambda *_: None)
         true = fine.solve(shape.gripper, shape, far_end=shape.far_end)
-    monkeypatch.setattr(step, '_predict', None)
+    monkeypatch.setattr(statics, '_predict', None)
     found = fine.solve(shape.gripper, shape, far_end=shape.far_end)
     np.testing.assert_allclose(found.positions, true.positions, rtol=0, atol=1e-9)
 
@@ -114,7 +113,7 @@ def test_what_moves_far_is_led_there(away):
     here = Pose((0, 0, 0), (0, 0, 0, 1))
     known = simulator.solve(here, far_end=(0.8, 0, 0))
     end = FarEnd.of((0.8 + away, 0, 0))
-    past = step.past_of(simulator.mesh, known, None)
+    past = statics.past_of(simulator.mesh, known, None)
     assert statics.held_nearby(simulator.mesh, here, known.element_strains, past, end, True) is None
     assert simulator.solve(here, known, far_end=end).converged
 
@@ -135,16 +134,17 @@ def test_a_saddle_between_two_grips_is_left_to_the_thorough_search():
 
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 @pytest.mark.parametrize('grip', GRIPS)
-def test_the_rows_of_a_grip_are_its_derivatives(basis, grip, rng):
+@pytest.mark.parametrize('springs', [True, False])
+def test_the_rows_of_a_grip_are_its_derivatives(basis, grip, springs, rng):
     simulator, shape, gripper, end = drawn(rng, grip, basis=basis, n_elements=12)
     mesh = simulator.mesh
     held = mesh.system(gripper.rotation, gripper.position, None, end)
-    system = with_gripper_and_grip(mesh.full, held.base, held.hold)
+    loose = held._replace(hold=held.hold._replace(stiffness=0.0, turn_stiffness=0.0))
+    system = held if springs else loose
     state = configuration_at(system, np.array(shape.element_strains))
     hessian = new_hessian(system)
     assemble(system, state, hessian)
-    rows = np.empty((held.hold.multiplier.size, *state.q.shape))
-    fill_rows_of_turns(system, state, hessian.twist_jacobian, rows)
+    rows = hessian.border.rows
 
     def missed(q):
         there, out = new_configuration(system), np.empty(len(rows))

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
+from references.blocks import dense as matrix_of
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import FarEnd, Rod
@@ -16,7 +17,6 @@ from dlo_planner.minimize.hessian import (
     factorize,
     is_definite,
     largest_turn,
-    multiply,
     new_hessian,
     solve,
     solve_held,
@@ -25,17 +25,6 @@ from dlo_planner.minimize.kkt import complemented
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import newton
 from dlo_planner.model.supports import Surroundings
-
-
-def matrix_of(system, hessian, state):
-    """Return the Hessian (3 m, 3 m), column by column."""
-    size = state.q.size
-    dense = np.empty((size, size))
-    for column in range(size):
-        out = np.empty_like(state.q)
-        multiply(system, hessian, np.eye(size)[column].reshape(out.shape), out)
-        dense[:, column] = out.ravel()
-    return dense
 
 
 @pytest.fixture(params=['local', 'chebyshev', 'local, anchored', 'chebyshev, anchored'])
@@ -53,7 +42,7 @@ def problem(request, curly, rng):
     evaluate(system, state)
     hessian = new_hessian(system)
     assemble(system, state, hessian)
-    dense = matrix_of(system, hessian, state)
+    dense = matrix_of(system, hessian)
     return system, hessian, dense
 
 
@@ -83,7 +72,7 @@ def test_one_sweep_finds_what_assembling_and_factorizing_do(basis, gravity, curl
         evaluate(system, state)
         at_once, apart = new_hessian(system), new_hessian(system)
         assemble(system, state, apart)
-        dense = matrix_of(system, apart, state)
+        dense = matrix_of(system, apart)
         lowest = np.linalg.eigvalsh(dense)[0]
         for shift in (max(0.0, 0.1 - lowest), 0.5 - lowest, -0.1 - lowest):
             definite = lowest + shift > 0
@@ -122,7 +111,7 @@ def test_the_search_for_the_lowest_mode_does_not_end_where_it_only_rests():
     assemble(system, state, hessian)
     assert factorize(system, hessian, 0.0) == 0
     value, _ = lowest_mode(system, hessian, 0.0, 1e-4)
-    lowest = np.linalg.eigvalsh(matrix_of(system, hessian, state))[0]
+    lowest = np.linalg.eigvalsh(matrix_of(system, hessian))[0]
     assert value == pytest.approx(lowest, rel=1e-3)
 
 

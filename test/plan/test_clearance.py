@@ -6,9 +6,22 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, Sphere
+from dlo_planner import (
+    Box,
+    Capsule,
+    CutOut,
+    DirectSimulator,
+    InverseSimulator,
+    LayOnLine,
+    Plane,
+    Pose,
+    Rod,
+    Sheet,
+    Sphere,
+)
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import clearance, hole_clearances
+from dlo_planner.tasks import MoveTo
 
 WIDTH, THICKNESS = 0.02, 0.004
 STRIP = Rod.rectangular(0.3, WIDTH, THICKNESS, 1000.0, 1e8, 0.3)
@@ -67,6 +80,11 @@ def distance(obstacle, points):
         return np.linalg.norm(points - obstacle.start - share[:, None] * along,
                               axis=1) - obstacle.radius
     local = (points - obstacle.pose.position) @ obstacle.pose.rotation
+    if isinstance(obstacle, Sheet):  # of one round hole in its middle
+        beside = np.maximum(abs(local[:, 0]) - obstacle.thickness / 2, 0)
+        plate = np.maximum(abs(local[:, 1:]) - [obstacle.width / 2, obstacle.height / 2], 0)
+        rim = np.maximum(obstacle.cutouts[0].radius - np.hypot(*local[:, 1:].T), 0)
+        return np.linalg.norm(np.column_stack([beside, rim, plate]), axis=1)
     return np.linalg.norm(np.maximum(abs(local) - obstacle.size / 2, 0), axis=1)
 
 
@@ -103,3 +121,54 @@ def test_what_passes_the_hole_counts_with_its_own_radius(depth, wanted):
     assert hole_clearances(sheet, np.array([1.0, 0, 0]), Surface.of(PLUG),
                            shape)[0] == pytest.approx(
         wanted, abs=1e-9)
+
+
+HOSE = Rod(1.0, 0.05, 0.3, 0.3, radius=4e-3)
+HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.02)
+PLATE = Sheet(HOLE.pose, 3.0, 3.0, 0.02, (HOLE,))
+BALLS = [Sphere((x, 0.1, 0.97), 0.05) for x in (-0.35, 0.35)]
+FLOOR = Plane((0, 0, 0), (0, 0, 1))
+BAR = Capsule((0, -0.3, -0.05), (0, 0.3, -0.05), 0.05)
+TOUCH = Pose((0, 0, 0), (0, 0, 0, 1))
+
+
+def further(x):
+    """Return a hole in a plate of its own, on from the first."""
+    hole = CutOut(Pose.looking_along((x, 0, 1 - 0.3 * x), (1, 0, -0.3)), radius=0.03)
+    return hole, Sheet(hole.pose, 0.15, 0.15, 0.004, (hole,))
+
+
+def way_there(inverse):
+    first = inverse.thread(HOLE, depths=[0.0, 0.1])
+    start = first.grippers[0]
+    return inverse.approach(HOLE, first, Pose(start.position - (0.12, 0.02, 0), start.quaternion),
+                            standoff=0.05)
+
+
+TASKS = {
+    'thread': ([PLATE, *BALLS], lambda one: one.thread(HOLE, depths=np.linspace(0, 0.6, 5))),
+    'two': ([PLATE, further(0.2)[1], *BALLS], lambda one: one.thread_two(
+        HOLE, further(0.2)[0], depths=np.linspace(0, 0.6, 7))),
+    'three': ([PLATE, further(0.2)[1], further(0.4)[1]], lambda one: one.thread_sequence(
+        [HOLE, further(0.2)[0], further(0.4)[0]], depths=np.linspace(0, 0.6, 13))),
+    'insert': (BALLS[:1], lambda one: one.insert(CutOut(HOLE.pose), depths=[0, 0.2, 0.4])),
+    'hold': ([BAR, Sphere((-0.1, 0.1, 0.1), 0.05)], lambda one: one.hold_contact(TOUCH, 0.8)),
+    'slide': ([BAR, Sphere((-0.1, 0.1, 0.1), 0.05)], lambda one: one.slide_contact(
+        TOUCH, np.linspace(0.8, 0.7, 3))),
+    'approach': ([PLATE, BALLS[0]], way_there),
+    'lay': ([FLOOR], lambda one: one.plan(LayOnLine(Pose((0, 0, 0.1), (0, 0, 0, 1)), 0.05,
+                                                    [0.0, 0.1], tolerance=5e-3))),
+    'move': ([BALLS[0]], lambda one: one.plan(
+        MoveTo([Pose((-0.6, -0.3, 1.1), (0, 0, 0, 1)), Pose((-0.6, -0.1, 1.2), (0, 0, 0, 1))]),
+        start=Pose((-0.6, -0.3, 1.2), (0, 0, 0, 1))))}
+
+
+@pytest.mark.parametrize('task', TASKS)
+def test_the_clearance_of_a_plan_is_that_of_the_dlos_surface(task):
+    # whatever the goals: beside the sheets of holes, beside other obstacles, and 0 in contact
+    obstacles, planned = TASKS[task]
+    plan = planned(InverseSimulator(DirectSimulator(HOSE, obstacles=obstacles)))
+    for reported, shape in zip(plan.clearance, plan.shapes, strict=True):
+        axis = shape.positions_at(np.linspace(0, shape.s[-1], 2000))
+        measured = min(distance(one, axis).min() for one in obstacles) - HOSE.radius
+        assert reported == pytest.approx(measured, abs=1e-4)

@@ -21,7 +21,7 @@ from dlo_planner import (
     Trajectory,
     replay,
 )
-from dlo_planner.direct.continuation import between
+from dlo_planner.direct.statics import between
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import Bodies, clearance, hole_clearances
 from dlo_planner.plan.plan import PlanStatus, truncate
@@ -84,7 +84,8 @@ def test_what_is_touched_between_two_waypoints_refuses(way, radius, rounds):
     assert min(clearance([ball], Surface.of(ROD), shape) for shape in way.shapes) > 4e-3
     with pytest.raises(Infeasible, match='however slow it is, .* touches what') as caught:
         Trajectory(way, LIMITS, simulator=amid(ball))
-    assert caught.value.constraint == 'contact'
+    assert (caught.value.constraint, caught.value.unit) == ('contact', 'm')
+    assert str(caught.value).endswith(f'(contact, by {caught.value.amount:.4g} m)')
     with pytest.raises(Infeasible, match='however slow it is') as caught:
         Trajectory(way, LIMITS, simulator=DIRECT, obstacles=[ball])
     assert caught.value.constraint == 'clearance'

@@ -44,7 +44,7 @@ def test_curvature_is_a_part_of_the_sharpest_or_of_the_limit():
 def test_yield_is_the_part_of_the_limit_that_is_used():
     rod = {'yield_curvature': 100.0, 'yield_torsion': 100.0}
     shape = solved(**rod)
-    bend = np.hypot(*shape.element_strains[:, 1:].T).max() / 100.0
+    bend = np.hypot(*shape.strains[:, 1:].T).max() / 100.0  # at the clamp
     drawn = coloring(shape, 'yield')
     np.testing.assert_allclose(drawn.colors[0], viridis([bend])[0])
     assert drawn.caption.endswith(f'largest {bend:.2g}')

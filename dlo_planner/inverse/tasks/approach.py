@@ -39,10 +39,9 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
-from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import apart, same
 from dlo_planner.plan.plan import Plan, concatenate
-from dlo_planner.plan.waypoint import Waypoint
+from dlo_planner.plan.waypoint import Holes, Waypoint
 from dlo_planner.trajectory.trajectory import quickest_plan
 
 _MARGIN = 0.02        # of the length
@@ -104,12 +103,10 @@ def _from_behind(simulator: DirectSimulator, task: Approach, start: Pose, initia
     stations[-1] = (stations[-1][0], hole)
     family = _Coming(simulator, cutout, stations, demands.surface.bound, first)
     builder = PlanBuilder(np.zeros(len(stations)), demands, 'start phase, waypoint', stops=(stop,))
-    sheet = sheet_of(cutout, length, demands.obstacles)
-    sheets = () if sheet is None else ((sheet, normal),)
+    holes = Holes([cutout], length, demands.obstacles, demands.surface)
 
     def waypoint(passing: Passing) -> Waypoint:
-        behind = family.room(passing) if family.least(passing) >= 0 else np.inf  # else in the hole
-        return Waypoint(passing.shape, clearances=((np.inf, behind, np.inf),), sheets=sheets)
+        return holes.passed(Waypoint(passing.shape))
 
     continue_family(builder, Follower(family, family.first(initial), 0.0,
                                       np.arange(len(stations), dtype=float)), waypoint)

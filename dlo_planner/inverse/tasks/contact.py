@@ -25,7 +25,6 @@ from scipy.optimize import minimize_scalar
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.step import step
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.contact_family import STABLE, ContactFamily
 from dlo_planner.inverse.continuation import Family, Follower, Passing, Step, continue_family
@@ -273,7 +272,7 @@ class ContactProblem:
                       for force in good)
             best = max((one for one in broken if one is not None), key=lambda one: one.room)
             return builder.refusal(best.name, -best.room, f'none of {len(good)} contact forces is '
-                                   f'admissible; with the best of them, {best.message}')
+                                   f'admissible; with the best of them, {best.message}', best.unit)
         looked = (f'no contact force of {min(family.known):.3g} to {max(family.known):.3g} N keeps '
                   f'the DLO touching at s = {self.s:g} m')
         stable = family.most_stable()
@@ -281,22 +280,23 @@ class ContactProblem:
             least = min(family.shape(force).violation for force in family.known)
             return builder.refusal('contact', least, f'{looked}: with each of them it would be in '
                                    f'an obstacle, by {least:.3g} m at least')
-        settled = step(stable.state.made_on, stable.gripper, stable)
-        return self._left(builder, stable, settled, f'{looked} in a stable shape: the best one has '
-                          f'a stability of {stable.stability:.3g}')
+        return builder.refusal(
+            'contact', family.stable - stable.stability, f'{looked} in a stable shape: the best '
+            f'one has a stability of {stable.stability:.3g}, at least {family.stable:.3g} is '
+            'required', '')
 
     def unconfirmed(self, builder: PlanBuilder) -> Infeasible:
         """Return Infeasible because the direct simulation confirms no admissible force."""
         best = max((shape for force, shape in self.family.known.items() if self.merit(force) > 0),
                    key=lambda shape: shape.stability)
-        return self._left(builder, best, self.simulator.solve(best.gripper, best),
-                          'the direct simulation with its own discretization confirms none of the '
-                          'admissible contact forces; a finer one may')
-
-    def _left(self, builder: PlanBuilder, shape: Shape, reached: Shape, why: str) -> Infeasible:
-        """Return Infeasible because the DLO is `reached` elsewhere; the amount is how far, in m."""
-        amount = apart(reached, shape)
-        return builder.refusal('contact', amount, f'{why}; the DLO would be off by {amount:.3g} m')
+        reached = self.simulator.solve(best.gripper, best)
+        off, broken = apart(reached, best), self.demands.violation(self.waypoint(reached))
+        why = ('the direct simulation with its own discretization confirms none of the admissible '
+               'contact forces; a finer one may; the DLO would be ')
+        if off > _SAME_PLACE * reached.s[-1] or broken is None:
+            return builder.refusal('contact', off, f'{why}off by {off:.3g} m')
+        return builder.refusal(broken.name, -broken.room, f'{why}there, but: {broken.message}',
+                               broken.unit)
 
 
 def _off_the_nodes(shape: Shape, s: float) -> Shape:
@@ -441,11 +441,12 @@ class AlignedSlide(Family):
         if not any(problem.nearest_confirmed(force) for _, force in minima):
             return problem.unconfirmed(builder)
         last = builder.waypoints[-1].shape.gripper
-        leap = min(gripper_motion(last, problem.family.hanging(force)[1], self.simulator.rod.length)
-                   for _, force in minima)
-        return builder.refusal('continuity', leap, 'the gripper would leap by '
-                               f'{leap:.3g} (rad, and parts of the length) from the waypoint '
-                               'before, however slowly the DLO is drawn')
+        length = self.simulator.rod.length
+        leap = length * min(gripper_motion(last, problem.family.hanging(force)[1], length)
+                            for _, force in minima)
+        return builder.refusal('continuity', leap, f'the gripper would leap by {leap:.3g} m (a '
+                               'turn counts as the motion of a point at the DLO\'s length from it) '
+                               'from the waypoint before, however slowly the DLO is drawn')
 
 
 _ARC_ERROR = 1e-6     # of the length: how exactly an arc length touches

@@ -194,7 +194,7 @@ class Insertion(Family):
         shape = step.passing.shape
         if shape.stability < -NEUTRAL:
             return builder.refusal('stability', -shape.stability, 'the DLO would not stay in the '
-                                   f'shape; stability {shape.stability:.3g}')
+                                   f'shape; stability {shape.stability:.3g}', '')
         if not shape.converged:
             return builder.refusal('equilibrium', builder.step, 'the equilibrium was not found '
                                    f'exactly: residual {shape.residual:.3g}, off the mouth by '

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from dlo_planner.direct.continuation import between
+from dlo_planner.direct.statics import between
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.continuation import Follower, GivenPoses, Passing, continue_family
 from dlo_planner.inverse.task import PlanContext, Task

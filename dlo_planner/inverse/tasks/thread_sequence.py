@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuation import Family, Follower, Passing, continue_family
@@ -27,7 +28,7 @@ from dlo_planner.inverse.waypoint_newton import goal_shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, row
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose, turned_by
+from dlo_planner.model.pose import Pose, angle_between, turned_by
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
@@ -46,6 +47,7 @@ _HIT = 0.01           # of the length: misses that need no comparison
 _BETTER = 0.5         # of the squared misses: what another roll has to gain
 _SETTLING, _SETTLED = 50, 1e-6  # steps; rad plus part of the length
 _PART = 0.7           # of the largest turn and shift, so that both together are no leap
+_EDGE = 0.95          # of the reach: what came so far was kept back by it
 
 
 class NearestToCenters(Family):
@@ -71,17 +73,17 @@ class NearestToCenters(Family):
            final: bool = False) -> Passing | None:
         """Return the Passing at `depth` (m) near `before`, which leaves no roll free, or None."""
         del roll
-        length = self.simulator.rod.length
-        part = (depth - before.depth) / length
-        turns = _ROLLED * length * np.sqrt(self.longest / (part or self.longest))
-        goals = self._goals(depth, before.shape.gripper, turns)
-        found = goal_shape(self.simulator, before.shape, goals, goals.s,
-                           origin=before.shape.gripper.position,
-                           reach=(_PART * largest_turn(part),
-                                  _PART * largest_shift(part) * length))
-        if found is None:
+        length, whole = self.simulator.rod.length, self._reach(depth - before.depth)
+        shape = self._nearest(before, depth, _PART * whole)
+        if shape is None:
             return None
-        shape = found.shape
+        if final:  # what the ball has kept back may come nearer by what is left of a step
+            last, gripper = before.shape.gripper, shape.gripper
+            moved = np.array([angle_between(last.rotation, gripper.rotation),
+                              np.linalg.norm(gripper.position - last.position)])
+            if np.linalg.norm(moved / whole) > _EDGE * _PART:
+                closer = self._nearest(Passing(shape, depth=depth), depth, (1 - _PART) * whole)
+                shape = shape if closer is None else closer
         further: list[float] = []
         for center in self.centers[1:] if final else ():
             s = Through(center, length - depth).passage(shape)
@@ -89,6 +91,21 @@ class NearestToCenters(Family):
                 break
             further.append(s)
         return Passing(shape, tuple(further), depth)
+
+    def _reach(self, step: float) -> Floats:
+        """Return the turn (rad) and the shift (m) that are no leap for a step of the depth, m."""
+        length = self.simulator.rod.length
+        return np.array([largest_turn(step / length), length * largest_shift(step / length)])
+
+    def _nearest(self, before: Passing, depth: float, reach: Floats) -> Shape | None:
+        """Return the Shape nearest to the centers at a depth (m), within reach of a Passing."""
+        length, gripper = self.simulator.rod.length, before.shape.gripper
+        part = (depth - before.depth) / length
+        turns = _ROLLED * length * np.sqrt(self.longest / (part or self.longest))
+        goals = self._goals(depth, gripper, turns)
+        found = goal_shape(self.simulator, before.shape, goals, goals.s, origin=gripper.position,
+                           reach=(float(reach[0]), float(reach[1])))
+        return found and found.shape
 
     def settled(self, passing: Passing) -> Passing:
         """Return the Passing that is nearest at its depth, however far away."""

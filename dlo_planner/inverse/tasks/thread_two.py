@@ -75,6 +75,11 @@ class Change:
     back: Route | None = None
     on: Route | None = None
 
+    def unsmoothed(self) -> Change:
+        """Return the same, each roll of its routes followed as it is."""
+        return replace(self, back=self.back and replace(self.back, ahead=0.0),
+                       on=self.on and replace(self.on, ahead=0.0))
+
 
 def _chord(task: Threading) -> Floats:
     """Return (3,) from the first center to the second, m."""
@@ -102,8 +107,12 @@ def thread_two(simulator: DirectSimulator, task: Threading) -> Plan:
 
     def others(refused: Infeasible | None) -> Iterator[Change]:
         del refused
-        sphere = shapes()
-        return iter(()) if sphere is None else other_changes(quick, trial, sphere)
+        sphere, tried = shapes(), list[Change]()
+        for change in () if sphere is None else other_changes(quick, trial, sphere):
+            tried.append(change)
+            yield change
+        # smoothed rolls may come too late where a fold has to be gone around
+        yield from (change.unsmoothed() for change in tried)
 
     def planned(task: Threading, change: Change) -> Plan:
         return _thread_through(quick, task, change)
@@ -133,7 +142,7 @@ def _thread_through(simulator: DirectSimulator, task: Threading, change: Change)
     two.normals = (first.normal, second.normal)
     if depths[0] < at and aligned.normal @ first.normal <= 0:  # so it is from the beginning
         raise builder.refusal('direction', -float(aligned.normal @ first.normal), 'the DLO would '
-                              'pass cut-out 0 against its direction')
+                              'pass cut-out 0 against its direction', '')
     before = depths < at
     steps: dict[int, Step] = {}
     parts: tuple[tuple[Family, Route | None, Ints], ...] = (
@@ -175,7 +184,7 @@ def _unreached(simulator: DirectSimulator, task: Threading,
         if begin is not None:
             return builder.refusal(
                 begin.constraint, begin.amount, 'stable shapes pass both centers, but the DLO, set '
-                'down in its natural shape, falls into none that leads to them')
+                'down in its natural shape, falls into none that leads to them', begin.unit)
         missing = _both(simulator, task).least_miss(shapes)
     waypoint = min(int(np.searchsorted(task.depths, apart)), len(task.depths) - 1)
     return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
