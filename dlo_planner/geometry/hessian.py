@@ -73,9 +73,11 @@ def fill_blocks(displaced, lengths, strains, arcs, scale, rotations, positions, 
         turn, shift, coupling, pivot = element_blocks(
             h, vector(strains[e]), coefficients_in(arcs[e]), vector(scale[e]), frame, force, moment,
             without_trace(first))
-        springs, coupling, own = _with_springs_beyond(
-            displaced, attached, e + 1, vector(positions[e + 1]), weight, springs, turn, shift,
-            coupling, _symmetric(pivot), twist_jacobian[e], cross[e])
+        own = _symmetric(pivot)
+        if displaced:
+            springs, coupling, own = _with_springs_beyond(
+                attached, e + 1, vector(positions[e + 1]), weight, springs, turn, shift, coupling,
+                own, twist_jacobian[e], cross[e])
         put_matrix(turn, twist_jacobian[e])
         put_matrix(coupling, cross[e])
         put_matrix(own, diagonal[e])
@@ -152,16 +154,12 @@ def _plus_first(attached, node, first):
 
 
 @kernel(forceinline=True)
-def _with_springs_beyond(displaced, attached, node, where, weight, springs, turn, shift, coupling,
-                         own, twist, cross):
+def _with_springs_beyond(attached, node, where, weight, springs, turn, shift, coupling, own, twist,
+                         cross):
     """Return the springs beyond an element, with those of its last node, and its blocks with them.
 
     Fills the parts of `twist` and `cross` that are the displacement's.
     """
-    if displaced is None:
-        return springs, coupling, own
-    if not displaced:
-        return springs, coupling, own
     if weight[node] != 0.0:
         springs = _plus_weight(springs, weight[node], where)
     springs = _plus_node(springs, attached, node, where)

@@ -180,3 +180,14 @@ def test_a_light_fall_of_a_stiff_wire_between_two_grips_is_said(how, mu):
         assert after.converged and (after.jumped or moved.max() < 3e-3)
         falls += after.jumped
     assert falls == 1 and not shape.contacts
+
+
+def test_what_a_finer_mesh_takes_from_the_energy_is_no_fall():
+    # the shape before is one of 16 elements, which are too stiff by 1 % of its energy
+    wire, ball = Rod.circular(0.6, 2e-3, 8960.0, 110e9, 0.34), Sphere((0.25, 0.01, 0.2), 0.05)
+    coarse, fine = (DirectSimulator(wire, n_elements=n, basis='local', obstacles=[ball])
+                    for n in (16, 160))
+    here = Pose((0, 0, 0.3), LEVEL)
+    before = coarse.solve(here, far_end=Pose((0.5, 0, 0.36), LEVEL))
+    after, = fine.track([here], initial=before, far_ends=[Pose((0.5, 0, 0.35), LEVEL)])
+    assert before.contacts and after.contacts and after.converged and not after.jumped
