@@ -151,7 +151,8 @@ def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[floa
                 tuple(waypoint.via_points for waypoint in waypoints),
                 padded_clearances([waypoint.clearances for waypoint in waypoints]),
                 waypoints[-1].sheets if waypoints else (),
-                len(waypoints) / len(depths), status, stops, clearance=np.array(rooms))
+                len(waypoints) / len(depths), status, stops,
+                clearance=np.array(rooms or [waypoint.clearance for waypoint in waypoints]))
 
 
 def refusal_for_leap(simulator: DirectSimulator, builder: PlanBuilder,

@@ -228,7 +228,7 @@ class CalmSearch:
             return Calm(self, timed, motions, _worst([
                 replace(one, error_estimate=np.inf) for one in motions]))
         if motion.converged:
-            self._inside = self._depth(timed, motion)
+            self._inside = self._depth(motion)
         missed = self._missed_by
         if missed.margin is None or worst.used < missed.margin.used:
             missed = _Missed(worst, timed.duration, missed.slowest)
@@ -244,15 +244,13 @@ class CalmSearch:
         self._rounds += 1
         return None
 
-    def _depth(self, timed: TimedPath, motion: InMotion) -> float:
+    def _depth(self, motion: InMotion) -> float:
         """Return how deep the DLO that follows slowly is in something, m; not by a shift alone."""
-        deep = -float(np.fmin(motion.calm_gap, np.fmin(motion.calm_clearance, 0.0)))
-        if deep > 0 and self._slow is not None and any(
-                law is not None and law.shift is not None for law in timed.laws):
-            bodies = Bodies(self.plan.sheets, (*self.obstacles, *unplanned(
-                self.simulator, self.plan)), Surface.of(self.simulator.rod))
-            return -float(np.fmin(bodies.least(self._slow), 0.0))
-        return deep
+        if self._slow is None:
+            return -float(np.fmin(motion.calm_gap, np.fmin(motion.calm_clearance, 0.0)))
+        bodies = Bodies(self.plan.sheets, (*self.obstacles, *unplanned(self.simulator, self.plan)),
+                        Surface.of(self.simulator.rod))
+        return -float(np.fmin(bodies.least(self._slow), 0.0))
 
     def refusal(self) -> Infeasible:
         """Return Infeasible: no law that was tried is calm."""
