@@ -188,7 +188,8 @@ def _balanced(solved: Callable[[Problem, Floats], Minimum], system: Problem, q: 
         off = float(np.abs(miss - known).max())
         return miss - known
 
-    with suppress(scipy.optimize.NoConvergence):
+    # what is right at once has no step before, whose size is infinite
+    with suppress(scipy.optimize.NoConvergence), np.errstate(invalid='ignore'):
         scipy.optimize.anderson(missed, known, alpha=1.0, M=_REMEMBERED, f_tol=_SETTLED,
                                 maxiter=_ROUNDS, line_search=None)
     return found._replace(residual=max(found.residual, off), iterations=iterations,

@@ -127,13 +127,16 @@ def test_on_a_corner_the_branch_is_the_same_in_any_steps(corner):
                                 n_elements=200, obstacles=[sheet])
     begin = simulator.track([Pose((0, 0, z), level) for z in (0.0, -0.02, -0.04)])[-1]
     ends = []
-    for steps in (1, 2, 20):
+    for steps in (1, 2, 4, 20, 80):
         parts = np.linspace(0, 1, steps + 1)[1:, None]
         shapes = simulator.track([Pose(one, level) for one in (0, 0, -0.04) + parts * way],
                                  initial=begin)
         assert not any(shape.jumped for shape in shapes)
         ends.append(shapes[-1].positions[-1])
-    np.testing.assert_allclose(ends[1:], ends[:-1], atol=1e-3)
+    # friction knows the way of a step by its ends alone: what that is off by falls with the steps
+    away = np.linalg.norm(np.subtract(ends, ends[-1]), axis=1)
+    assert away[0] < 2.5e-3
+    assert (away[1:-1] < 0.6 * away[:-2]).all()
 
 
 def test_a_bow_that_may_turn_about_its_chord_is_followed_in_small_steps():

@@ -76,7 +76,7 @@ def test_a_motion_that_cannot_be_made_calm_is_refused_with_the_figure_that_fails
     assert slowly.state == 'held slowly'
     assert (moving.state, moving.done, moving.safe) == ('refused', True, False)
     assert moving.cause == Cause.NOT_CALM
-    assert 'expected at most 2e-05 m' in moving.reason and 'm at best' in moving.reason
+    assert 'expected at most 2e-05 m; closer waypoints help' in moving.reason
 
 
 def test_a_plan_that_the_dlo_does_not_follow_is_not_even_moved():
