@@ -66,12 +66,13 @@ def test_a_run_says_what_came_of_it():
 
     found = cell_trust.driven('bump', 3, driver)
     assert found == json.loads(json.dumps(found, allow_nan=False))
-    assert (found['refused'], found['phase']) == ('Infeasible: it is too dark (miss, by 1 m)', 'look')
+    refused = 'Infeasible: it is too dark (miss, by 1 m)'
+    assert (found['refused'], found['phase']) == (refused, 'look')
     assert (found['promised'], found['miss'], found['covered']) == (1e-3, None, None)
     assert found['time'] == pytest.approx(0.11)
     assert found['event_s'] == case('bump', 3)[0].bumps[0].time
     assert not found['happened']
-    assert cell_trust.ended(found) == 'Infeasible: it is too dark (miss, by 1 m)'
+    assert cell_trust.ended(found) == refused
 
 
 def test_a_run_that_ends_in_an_error_is_told(monkeypatch, capsys):
