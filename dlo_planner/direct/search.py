@@ -8,7 +8,6 @@ Most steps of statics are one compiled call instead (`minimize.solve.solve_step`
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -174,26 +173,37 @@ def _balanced(solved: Callable[[Problem, Floats], Minimum], system: Problem, q: 
     The fixed point of frames -> shape -> frames is sought by Anderson's acceleration.
     """
     unit = np.abs(moments).sum()
-    begin, elastic = evaluated(system, q), system.elastic
-    known = _couples(system.lengths, begin.strains, begin.rotations, moments) / unit
-    found, iterations, off = Minimum(begin, np.inf, np.nan, 0, 0, system), 0, np.inf
-
-    def missed(known: Floats) -> Floats:
-        nonlocal found, iterations, off
-        loaded = found.system._replace(elastic=with_couples(elastic, unit * known))
-        found = solved(loaded, configuration_at(loaded, found.state.strains).q)
+    state = evaluated(system, q)
+    known = _couples(system.lengths, state.strains, state.rotations, moments) / unit
+    strains, iterations = state.strains, 0
+    tried: list[Floats] = []
+    missed: list[Floats] = []
+    for _ in range(_ROUNDS):
+        elastic = with_couples(system.elastic, unit * known)
+        loaded = system._replace(elastic=elastic)
+        found = solved(loaded, configuration_at(loaded, strains).q)
+        state, system = found.state, found.system._replace(elastic=system.elastic)
         iterations += found.iterations
-        state = found.state
-        miss: Floats = _couples(system.lengths, state.strains, state.rotations, moments) / unit
-        off = float(np.abs(miss - known).max())
-        return miss - known
+        strains = state.strains
+        miss = _couples(system.lengths, strains, state.rotations, moments) / unit - known
+        off = np.abs(miss).max()
+        if off <= _SETTLED:
+            break
+        tried, missed = [*tried, known][-_REMEMBERED:], [*missed, miss][-_REMEMBERED:]
+        known = _next(tried, missed)
+    return found._replace(residual=max(found.residual, off), iterations=iterations, system=system)
 
-    # what is right at once has no step before, whose size is infinite
-    with suppress(scipy.optimize.NoConvergence), np.errstate(invalid='ignore'):
-        scipy.optimize.anderson(missed, known, alpha=1.0, M=_REMEMBERED, f_tol=_SETTLED,
-                                maxiter=_ROUNDS, line_search=None)
-    return found._replace(residual=max(found.residual, off), iterations=iterations,
-                          system=found.system._replace(elastic=elastic))
+
+def _next(tried: list[Floats], missed: list[Floats]) -> Floats:
+    """Return where the misses (n, 3) would vanish, by least squares over what was tried."""
+    best = tried[-1] + missed[-1]
+    if len(tried) == 1:
+        return best
+    of_misses = np.column_stack([(one - missed[-1]).ravel() for one in missed[:-1]])
+    share, *_ = np.linalg.lstsq(of_misses, -missed[-1].ravel(), rcond=1e-10)
+    for part, one, miss in zip(share, tried[:-1], missed[:-1], strict=True):
+        best = best + part * (one + miss - tried[-1] - missed[-1])
+    return best
 
 
 @kernel
