@@ -591,7 +591,7 @@ class Shape(Pictured):
 
     @property
     def surface_stress(self) -> Floats:
-        """(N_L, 2) the stress of `surface_strain`, Pa.
+        """(N_L, 2) largest axial and shear stress at the surface, Pa: those of `surface_strain`.
 
         Elastic, and so an upper bound where the section has yielded.
         """

@@ -12,7 +12,7 @@ the last three); what it has is called below, by its own name:
     forbids(effect, system, before, after)  whether it forbids the way between two states
     may_forbid(effect)                      whether it ever does
     may_act(effect, system, strains, positions, before)  whether it would have a say in a step of a
-                                            DLO found without it, see `direct.step`
+                                            DLO found without it, see `direct.statics`
     constraint_jacobian(effect, rotation, position, out)  what it holds of the far end
     stored(effect, system, strains)         energy that it stores in the DLO, J
     potential(effect, system, positions)    its potential where the nodes are in the world, J

@@ -31,7 +31,7 @@ from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Bools, Floats, Ints
 
 # ------------------------------------------------------------------------------------------------
-# What acts on a DLO elsewhere than as a force on a node: on points inside elements, on the tip.
+# What acts on a DLO other than as a force on a node: on points inside elements, moments on nodes.
 
 
 NOTHING = (0.0, 0.0, 0.0)
@@ -195,7 +195,7 @@ def forward_kinematics(lengths: Floats, strains: Floats, base: Floats, rotations
         base: (3, 3) the gripper's rotation, columns t, n, b
         rotations: (N + 1, 3, 3) filled; columns t, n, b in the world
         positions: (N + 1, 3) filled; relative to the gripper, world axes, m
-        arcs: (N, 7) filled with `arc.coefficients` of the elements
+        arcs: (N, 7) filled with `so3.coefficients` of the elements
     """
     frame, place = matrix(base), (0.0, 0.0, 0.0)
     put_matrix(frame, rotations[0])

@@ -1,23 +1,22 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The laws of all contacts at once, to first order: no gap and no pull, Coulomb's friction.
+"""Contact laws of all contacts together, to first order: unilateral contact, Coulomb's friction.
 
-A DLO answers to loads at its contacts linearly: they move by free + compliance load (the Delassus
-operator). What forces then obey the laws is sought among contacts alone, without another look at
-the DLO: a semismooth Newton method (Alart and Curnier 1991), of which each turn solves K equations
-for who bears and what sticks or slides which way as the turn before has found it.
+To first order a DLO moves at its contacts by  free + compliance * load  (Delassus operator), so
+forces that obey the laws are found in the space of contacts alone, without another look at the DLO:
+by a semismooth Newton method (Alart and Curnier 1991). Each iteration solves K equations for the
+active set, and the state (stick or slip, in which direction), that the one before has found.
 
-Side by side contacts on a DLO that does not stretch hardly move by themselves: from one turn to the
-next they would take each other's place without an end. So where turns do not end each contact gives
-a little under the change of its force (proximal point iteration: Rockafellar 1976), a tenth as much
-each time that this ends, more where it does not, until it gives nothing. How far a trial force of
-friction follows a slip is what the contact's own compliance tells: with a stiffer spring one that
-sticks would be taken for one that slides forth and back in turn.
+Neighboring contacts of an inextensible DLO hardly move each other apart: their compliances are
+nearly dependent, and active sets may cycle. Then each contact gets a proximal compliance, by which
+it yields to a change of its force (proximal point method: Rockafellar 1976). It is divided by ten
+each time that the iteration converges, multiplied by ten each time that it does not.
+
+The augmentation parameter of friction is the tangential stiffness of the DLO itself at the contact:
+with a much larger one a contact that sticks would be taken for one that slides to and fro.
 """
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
@@ -25,40 +24,42 @@ from dlo_planner.energy.contact import trial_traction
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.contact_table import HARDLY
+from dlo_planner.minimize.contact_table import NEGLIGIBLE
 from dlo_planner.minimize.dense import lu_factor, lu_solve
-from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.arrays import Bools, Floats, Ints
 
-_SOFT = 1e-3     # of a spring's compliance: how much a contact gives in the first turns
-_REFINED = 2     # times: what it gives counts a thousandth as much after each
-_OWN = 1e-3      # least part of a compliance that is not that of the springs
-_ALIKE = 1e-4    # of the limit: what a force of friction may be off by
-_GIVES, _FIRM = 1e-2, 1e-11  # of the own compliance: how much contacts give at first and at last
-_LESS, _MORE = 0.1, 10.0     # times as much after turns that come to an end, and that do not
-_TIMES, _TURNS = 24, 15      # how often, and turns each time
-_NO_CONTACT = 1e3            # of the own compliance: what gives so much is none
+_SOFT = 1e-3     # of a spring's compliance: the proximal compliance of the first attempt
+_REFINED = 2     # proximal steps after it: each leaves about a thousandth of its effect
+_LEAST_OWN = 1e-3  # part of a compliance that counts at least as the DLO's, not that of springs
+_TOLERANCE = 1e-4  # of Coulomb's limit: by how much a friction force may differ from the law
+# Proximal compliances of further attempts, of the DLO's own: the first, and the limits of others.
+_FIRST, _LEAST, _MOST = 1e-2, 1e-11, 1e3
+_SHRINK, _GROW = 0.1, 10.0     # their factors after an attempt that converges, and one that fails
+_ATTEMPTS, _ITERATIONS = 24, 15
 
 
 class ContactLaws(Record):
-    """What A contacts obey, and how they move, to first order.
+    """The linearized problem of A contacts: their state, and how they respond to loads.
 
-    K rows: of each contact a normal, and two across it where it rubs. Forces are those on the DLO.
+    K rows: the normal of each contact, and two tangents where it rubs. Forces act on the DLO. Its
+    contacts have springs, which are part of the compliance: they move by  free + compliance * load,
+    and their forces change by  load - spring * motion.
     """
 
     first: Ints         # (A + 1,) row of each contact's normal
-    gap: Floats         # (K,) gap, and by how much it has slid, m
-    force: Floats       # (K,) N, of which springs take back
-    spring: Floats      # (A, 3, 3) so much when it moves, N/m
+    gap: Floats         # (K,) gaps and slips so far, m
+    force: Floats       # (K,) N
+    spring: Floats      # (A, 3, 3) N/m
     friction: Floats    # (A,) coefficients
-    free: Floats        # (K,) m, how it moves where the loads do not change,
-    compliance: Floats  # (K, K) m/N, and by a change of them
-    stiffness: float    # of a spring, N/m
-    bears: Any          # (A,) whether it does to begin with
+    free: Floats        # (K,) motion without a change of the loads, m
+    compliance: Floats  # (K, K) m/N
+    stiffness: float    # of a contact's spring along its normal, N/m
+    bears: Bools        # (A,) the active set to begin with
 
 
 @kernel
 def contact_axes(table, first):
-    """Return (K, 3): normals, and two axes across them where a contact rubs."""
+    """Return (K, 3): normals, and two tangents where a contact rubs."""
     axes = np.zeros((first[-1], 3))
     for a in range(table.gap.size):
         i, n = first[a], table.normal[a]
@@ -77,9 +78,9 @@ def contact_axes(table, first):
 
 @kernel
 def contact_laws(system, anchors, state, table, first, axes, normal, free, compliance):
-    """Return the ContactLaws at a state, with forces `normal` (A,) and springs of its Hessian.
+    """Return the ContactLaws at a state, with forces `normal` (A,).
 
-    Slips count from anchors (C, 3).
+    Its springs are those in the Hessian that `compliance` is of. Slips count from anchors (C, 3).
     """
     contacts, count, size = system.effects.contact.contacts, table.gap.size, first[-1]
     gap, force, spring = np.empty(size), np.empty(size), np.zeros((count, 3, 3))
@@ -88,7 +89,7 @@ def contact_laws(system, anchors, state, table, first, axes, normal, free, compl
     for a in range(count):
         i, c = first[a], table.rubbing[a]
         gap[i], force[i], spring[a, 0, 0] = table.gap[a], normal[a], contacts.stiffness
-        bears[a] = normal[a] > 2.0 * HARDLY * contacts.stiffness * abs(table.gap[a])
+        bears[a] = normal[a] > 2.0 * NEGLIGIBLE * contacts.stiffness * abs(table.gap[a])
         if c < 0:
             continue
         friction[a] = system.effects.contact.scene.friction[table.obstacle[a]]
@@ -109,49 +110,51 @@ def contact_laws(system, anchors, state, table, first, axes, normal, free, compl
 
 
 @kernel
-def contact_forces(law, exchanges, turns):
-    """Return whether there are changes (K,) of the loads, these, and who bears (A,).
+def contact_forces(law, exchanges, iterations):
+    """Return whether a change of the loads is found, the change (K,), and the active set (A,).
 
-    One that pulls is let go, one let go that is pressed in bears again (primal-dual active set
-    method: Hintermueller, Ito and Kunisch 2002), in so many turns; with none all bear, and what
-    sticks or slides goes on. `exchanges`: whether contacts give as good as nothing at the end.
+    A contact that pulls leaves the active set, one that is pressed in joins it (primal-dual active
+    set method: Hintermueller, Ito and Kunisch 2002). With no iterations all contacts are active,
+    and stick or slide as they do. `exchanges`: whether to refine the solution of the first attempt.
     """
     size, count = law.free.size, law.friction.size
     rubs, change = size > count, np.zeros(size)
-    bears = law.bears.copy() if turns > 0 else np.ones(count, dtype=np.bool_)
-    known, ends = _exchanged(law, np.full(size, _SOFT / law.stiffness), _stiffness_of(law, rubs),
-                             turns, _REFINED if exchanges else 0, change, bears)
-    if turns == 0 or not rubs or known and ends:
+    bears = law.bears.copy() if iterations > 0 else np.ones(count, dtype=np.bool_)
+    known, converged = _semismooth(law, np.full(size, _SOFT / law.stiffness),
+                                   _augmentation(law, rubs), iterations,
+                                   _REFINED if exchanges else 0, change, bears)
+    if iterations == 0 or not rubs or known and converged:
         return known, change, bears
     own = _own_compliance(law)
     if not np.min(own) > 0.0:
         return known, change, bears
-    grip = np.ones(count)
+    augmentation = np.ones(count)
     for a in range(count):
         if law.first[a + 1] > law.first[a] + 1:
-            grip[a] = 1.0 / max(own[law.first[a] + 1], own[law.first[a] + 2])
-    known, gives = False, _GIVES
+            augmentation[a] = 1.0 / max(own[law.first[a] + 1], own[law.first[a] + 2])
+    known, part = False, _FIRST
     change[:] = 0.0
     bears[:] = True
-    there, there_bears = change.copy(), bears.copy()
-    for _ in range(_TIMES):
-        found, ends = _exchanged(law, gives * own, grip, _TURNS, 0, there, there_bears)
-        if found and ends:
-            known, gives = True, _LESS * gives
-            change[:] = there
-            bears[:] = there_bears
+    trial, trial_bears = change.copy(), bears.copy()
+    for _ in range(_ATTEMPTS):
+        found, converged = _semismooth(law, part * own, augmentation, _ITERATIONS, 0, trial,
+                                       trial_bears)
+        if found and converged:
+            known, part = True, _SHRINK * part
+            change[:] = trial
+            bears[:] = trial_bears
         else:
-            gives *= _MORE
-            there[:] = change
-            there_bears[:] = bears
-        if not _FIRM < gives < _NO_CONTACT:
+            part *= _GROW
+            trial[:] = change
+            trial_bears[:] = bears
+        if not _LEAST < part < _MOST:
             break
     return known, change, bears
 
 
 @kernel
 def force_after(law, a, change, moved):
-    """Return the force (n,) of contact a after a change (K,) of loads, by which all have moved."""
+    """Return the force (n,) of contact a after a change (K,) of loads and the motion (K,)."""
     i, n = law.first[a], law.first[a + 1] - law.first[a]
     force = law.force[i:i + n] + change[i:i + n]
     for j in range(n):
@@ -161,22 +164,25 @@ def force_after(law, a, change, moved):
 
 
 @kernel
-def _stiffness_of(law, rubs):
-    """Return (A,) about what a contact that rubs resists a slip with, without its springs, N/m."""
-    grip = np.ones(law.friction.size)
-    for a in range(grip.size if rubs else 0):
+def _augmentation(law, rubs):
+    """Return (A,) augmentation parameters of friction, N/m.
+
+    About the DLO's own tangential stiffness: its springs are taken off row by row.
+    """
+    augmentation = np.ones(law.friction.size)
+    for a in range(augmentation.size if rubs else 0):
         softest = 0.0
         for i in range(law.first[a] + 1, law.first[a + 1]):
             j, moves = i - law.first[a], law.compliance[i, i]
-            softest = max(softest, moves / max(_OWN, 1.0 - law.spring[a, j, j] * moves))
+            softest = max(softest, moves / max(_LEAST_OWN, 1.0 - law.spring[a, j, j] * moves))
         if softest > 0.0:
-            grip[a] = 1.0 / softest
-    return grip
+            augmentation[a] = 1.0 / softest
+    return augmentation
 
 
 @kernel
 def _own_compliance(law):
-    """Return (K,) how far each row moves by a unit force on it, without any springs; 0: unknown."""
+    """Return (K,) the diagonal of the compliance without springs, (I - C S)^-1 C; 0: unknown."""
     size = law.free.size
     matrix, order, own = np.eye(size), np.empty(size, dtype=np.int64), np.zeros(size)
     for a in range(law.friction.size):
@@ -194,57 +200,58 @@ def _own_compliance(law):
 
 
 @kernel
-def _exchanged(law, gives, grip, turns, times, change, bears):
-    """Fill changes (K,) of loads and who bears; return whether there are any, and obey the laws.
+def _semismooth(law, proximal, augmentation, iterations, refinements, change, bears):
+    """Improve the change (K,) of loads and the active set; return whether they are found and obey.
 
-    From those that they are. Contacts give by gives (K,), m/N, of the change of their forces, and
-    after so many `times` as good as not. Without friction nothing bears again in the second half of
-    the turns, so that they come to an end.
+    Contacts yield by proximal (K,), m/N, times the change of their forces since the start, or since
+    the last of the refinements: proximal steps with the active set that is found. Without friction
+    no contact joins the active set in the second half of the iterations, so that they end.
     """
     size, count = law.free.size, law.friction.size
     last, same, rubs = bears.copy(), False, size > count
     force, slip, order = np.empty(size), np.empty(size), np.empty(size, dtype=np.int64)
-    matrix, right, given = np.empty((size, size)), np.empty(size), np.empty((count, 3, 3))
-    _put_motion(law, change, force, slip)
-    begin = force.copy()
-    for turn in range(turns + 1):
-        _put_equations(law, bears, force, slip, grip, gives, begin, matrix, right, given)
+    matrix, right, by_center = np.empty((size, size)), np.empty(size), np.empty((count, 3, 3))
+    _put_response(law, change, force, slip)
+    center = force.copy()
+    for iteration in range(iterations + 1):
+        _put_equations(law, bears, force, slip, augmentation, proximal, center, matrix, right,
+                       by_center)
         sign = lu_factor(matrix, order)
-        if sign == 0 or sign < 0 and not rubs:  # those before do
+        if sign == 0 or sign < 0 and not rubs:  # the active set before is kept
             bears[:] = last
-            return turn > 0, False
+            return iteration > 0, False
         change[:] = right
         lu_solve(matrix, order, change)
         last[:] = bears
-        _put_motion(law, change, force, slip)
+        _put_response(law, change, force, slip)
         for i in range(size):
-            slip[i] += gives[i] * (force[i] - begin[i])
+            slip[i] += proximal[i] * (force[i] - center[i])
         same = True
         for a in range(count):
             i = law.first[a]
             bears[a] = (force[i] > 0.0 if bears[a]
-                        else slip[i] < 0.0 and (turn < turns // 2 or rubs))
-            same = same and bears[a] == last[a] and (not bears[a]
-                                                     or _rubs_right(law, a, force, slip, grip[a]))
+                        else slip[i] < 0.0 and (iteration < iterations // 2 or rubs))
+            same = same and bears[a] == last[a] and (
+                not bears[a] or _obeys_coulomb(law, a, force, slip, augmentation[a]))
         if same:
             break
     bears[:] = last
-    for _ in range(times):
+    for _ in range(refinements):
         for a in range(count):
             i, n = law.first[a], law.first[a + 1] - law.first[a]
             for j in range(n):
                 for k in range(n):
-                    right[i + j] += given[a, j, k] * (force[i + k] - begin[i + k])
-        begin[:] = force
+                    right[i + j] += by_center[a, j, k] * (force[i + k] - center[i + k])
+        center[:] = force
         change[:] = right
         lu_solve(matrix, order, change)
-        _put_motion(law, change, force, slip)
+        _put_response(law, change, force, slip)
     return True, same
 
 
 @kernel
-def _put_motion(law, change, force, slip):
-    """Fill forces (K,) N, and gaps and slips (K,) m, that follow from a change (K,) of loads."""
+def _put_response(law, change, force, slip):
+    """Fill forces (K,), N, and gaps and slips (K,), m, after a change (K,) of the loads."""
     for i in range(slip.size):
         slip[i] = law.free[i]
         for k in range(slip.size):
@@ -256,40 +263,43 @@ def _put_motion(law, change, force, slip):
 
 
 @kernel
-def _rubs_right(law, a, force, slip, grip):
-    """Whether a contact that bears sticks, or slides as Coulomb's law has it."""
+def _obeys_coulomb(law, a, force, slip, augmentation):
+    """Whether the friction force is the projection of its trial force onto the disk of Coulomb."""
     i = law.first[a]
     limit, size, wrong = law.friction[a] * force[i], 0.0, 0.0
     for j in range(i + 1, law.first[a + 1]):
-        size += (force[j] - grip * slip[j]) ** 2
+        size += (force[j] - augmentation * slip[j]) ** 2
     part = limit / np.sqrt(size) if size > limit * limit else 1.0
     for j in range(i + 1, law.first[a + 1]):
-        wrong += (force[j] - part * (force[j] - grip * slip[j])) ** 2
-    return wrong <= (_ALIKE * limit) ** 2
+        wrong += (force[j] - part * (force[j] - augmentation * slip[j])) ** 2
+    return wrong <= (_TOLERANCE * limit) ** 2
 
 
 @kernel
-def _put_equations(law, bears, force, slip, grip, gives, begin, matrix, right, given):
-    """Fill matrix (K, K) and right side (K,) for the changes of loads: laws at forces and slips.
+def _put_equations(law, bears, force, slip, augmentation, proximal, center, matrix, right,
+                   by_center):
+    """Fill matrix (K, K) and right side (K,) for the change of loads: laws linearized at a state.
 
-    given: (A, 3, 3), by how much the right side changes with the forces `begin` (K,) from where
-    contacts give.
+    The state is force, slip (K,). Motions are u = free + C load, forces f = force + load - S u,
+    gaps g = gap + u, the laws  by_force f + by_slip (g + proximal (f - center)) = 0.
+    by_center (A, 3, 3): filled, derivative of the right side by center (K,).
     """
     by_force, by_slip, by_load = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for a in range(bears.size):
         i, n = law.first[a], law.first[a + 1] - law.first[a]
-        _put_law(law, a, bears[a], force, slip, grip[a], by_force, by_slip)
+        _put_linearized_law(law, a, bears[a], force, slip, augmentation[a], by_force, by_slip)
         for j in range(n):
             right[i + j] = 0.0
             matrix[i + j] = 0.0
             for k in range(n):
-                given[a, j, k] = by_slip[j, k] * gives[i + k]
-                by_force[j, k] += given[a, j, k]
+                by_center[a, j, k] = by_slip[j, k] * proximal[i + k]
+                by_force[j, k] += by_center[a, j, k]
             for k in range(n):
                 by_load[j, k] = by_slip[j, k]
                 for m in range(n):
                     by_load[j, k] -= by_force[j, m] * law.spring[a, m, k]
-                right[i + j] += (given[a, j, k] * begin[i + k] - by_load[j, k] * law.free[i + k]
+                right[i + j] += (by_center[a, j, k] * center[i + k]
+                                 - by_load[j, k] * law.free[i + k]
                                  - by_force[j, k] * law.force[i + k]
                                  - by_slip[j, k] * law.gap[i + k])
                 for m in range(right.size if by_load[j, k] != 0.0 else 0):
@@ -299,11 +309,11 @@ def _put_equations(law, bears, force, slip, grip, gives, begin, matrix, right, g
 
 
 @kernel
-def _put_law(law, a, bears, force, slip, grip, by_force, by_slip):
-    """Fill by_force, by_slip (3, 3), whose products with force and slip of contact a are zero.
+def _put_linearized_law(law, a, bears, force, slip, augmentation, by_force, by_slip):
+    """Fill by_force, by_slip (3, 3): the linearized law is  by_force f + by_slip g = 0.
 
-    No force, or no gap; no slip, or, of what slides, a force of the limit along the trial force
-    force - grip slip, linearized (Alart and Curnier).
+    Not in the active set: no force. In it: no gap; no slip if it sticks; if it slides, a force of
+    the size of Coulomb's limit along the trial force, f - augmentation g (Alart and Curnier).
     """
     i, n = law.first[a], law.first[a + 1] - law.first[a]
     by_force[:] = 0.0
@@ -312,10 +322,11 @@ def _put_law(law, a, bears, force, slip, grip, by_force, by_slip):
         if not bears:
             by_force[j, j] = 1.0
         else:
-            by_slip[j, j] = law.stiffness if j == 0 else grip
+            by_slip[j, j] = law.stiffness if j == 0 else augmentation
     if n == 1 or not bears:
         return
-    first, second = force[i + 1] - grip * slip[i + 1], force[i + 2] - grip * slip[i + 2]
+    first = force[i + 1] - augmentation * slip[i + 1]
+    second = force[i + 2] - augmentation * slip[i + 2]
     size, limit = np.sqrt(first * first + second * second), law.friction[a] * max(0.0, force[i])
     if size <= limit:
         return
@@ -325,4 +336,4 @@ def _put_law(law, a, bears, force, slip, grip, by_force, by_slip):
         for k in (1, 2):
             part = limit / size * ((j == k) - along[j] * along[k])
             by_force[j, k] = (j == k) - part
-            by_slip[j, k] = grip * part
+            by_slip[j, k] = augmentation * part

@@ -25,7 +25,7 @@ from dlo_planner.minimize.convergence import residual_of
 from dlo_planner.model.arrays import Floats, Ints
 
 _BELIEVED = 2.0  # of a force, beyond its multiplier, that is believed
-HARDLY = 1e-9  # of its springs' force: what a contact that begins to bear pushes with
+NEGLIGIBLE = 1e-9  # of the force of a spring over its gap: that of a candidate
 _INSIDE = 1.0 - 1e-14  # largest fraction of a point of friction that is not on a node
 
 
@@ -135,9 +135,9 @@ def kkt_residual(system: Problem, q: Floats) -> tuple[Configuration, float, Touc
 
 @kernel
 def is_candidate(contacts, table, a):
-    """Whether a contact is off its obstacle, listed as it may bear soon."""
+    """Whether a contact in the table has a gap and no force but a candidate's: it may bear soon."""
     return (table.gap[a] > 0.0
-            and table.force[a] <= 2.0 * HARDLY * contacts.stiffness * table.gap[a])
+            and table.force[a] <= 2.0 * NEGLIGIBLE * contacts.stiffness * table.gap[a])
 
 
 @kernel
@@ -194,10 +194,9 @@ def update_friction(system: Problem, contacts: ContactSet, state: Configuration,
                     previous: Floats) -> ContactSet:
     """Return the ContactSet with a point of friction for each contact that bears and rubs.
 
-    The force of a contact that is new may be anything: its multiplier bounds the limit.
-
     It sticks to where its point of the DLO was before the step; contacts that move along the DLO
-    keep by how much they had been stretched then. Its limit is mu times the force at `state`.
+    keep by how much they had been stretched then. Its limit is mu times the force at `state`, which
+    the multiplier bounds: the spring force of a new contact may be anything.
 
     Args:
         contacts: Contacts in place of the system's

@@ -1,16 +1,16 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Shape and contact forces at once: a semismooth Newton method (Alart and Curnier 1991).
+"""Shape and contact forces together: a semismooth Newton method (Alart and Curnier 1991).
 
-With the compliance of the DLO at its contacts, from solves with Newton's Hessian, all forces follow
-to first order (`minimize.contact_laws`), with the reaction of a held far end. Where that cannot be
-trusted each multiplier becomes the force that it has (augmented Lagrangian).
+The compliance of the DLO at its contacts comes from solves with Newton's Hessian. With it all
+contact forces follow to first order (`minimize.contact_laws`), and the reaction of a held far end.
+Where that cannot be trusted each multiplier becomes the force that it has (augmented Lagrangian).
 
-In `semismooth_newton` the springs of contacts push with the forces themselves, whatever their gaps
-are and however far they have slid, so that a gap of the start is closed by the forces and not
-fought by the springs. Nodes beside those that rub take part before they touch. It begins
-where a DLO that goes on bearing would be carried by its gripper. What it finds is a start: the
-minimizer alone tells whether something else touches, and whether the shape falls.
+In `semismooth_newton` the springs of contacts push with the multipliers alone, whatever the gaps
+and slips are: a gap of the start is closed by a change of the forces, not fought by the springs.
+Nodes beside contacts with friction are candidates before they touch. It begins where a DLO whose
+contacts all go on bearing would be carried by its gripper. What it finds is a start: the minimizer
+tells whether something else touches, and whether the shape falls.
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ from dlo_planner.minimize.contact_laws import (
     force_after,
 )
 from dlo_planner.minimize.contact_table import (
-    HARDLY,
+    NEGLIGIBLE,
     is_candidate,
     kkt_residual,
     touching,
@@ -56,16 +56,16 @@ from dlo_planner.minimize.newton import HELD_NEUTRAL, is_held
 
 _CHANGES = 8      # times that contacts are let go or taken back
 _FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
-_TOILS = 2        # rounds in vain, after which what is soft goes with its forces
+_TOILS = 2        # rounds in vain, after which the unknowns move with the forces
 _FARTHEST_TURN = 0.3  # rad: the same, of what a node turns by
-_STEPS = 24
+_STEPS = 24           # Newton steps at most
 _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
 _FALLS = 0.5         # of the error before: what falls less does not converge
 _STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves per rad turned since
 _GRACE = 3           # first steps, in which it may do so
 _LONG = 6            # steps after which contacts that still change may go round in circles
-_PATIENCE = 8        # the same, of what rubs: which way it slides is not told by its error
-_NEAR = 1e-3         # of the length: farther nodes are not looked at beside those that rub
+_PATIENCE = 8        # steps in vain with friction: a change of its direction raises the error first
+_NEAR = 1e-3         # of the length: nodes with larger gaps are no candidates beside friction
 
 
 @kernel
@@ -132,10 +132,11 @@ def put_forces(system, table, normal, shear):
 @kernel
 def complementarity_step(system, anchors, state, table, hessian, fresh, neutral, exchanges, normal,
                          shear, step, reaction):
-    """Fill the forces that satisfy the linearized laws, and the step to where they do.
+    """Return whether it succeeds: fill the forces that obey the linearized laws, and the step.
 
     And the change of the reaction (K,) of a held far end. Slips count from anchors (C, 3).
-    `exchanges`: whether contacts are let go.
+    `fresh`: whether to assemble the Hessian; `neutral`: whether it may be neutral; `exchanges`:
+    whether the active set may change.
     """
     if fresh:
         assemble(system, state, hessian)
@@ -303,7 +304,11 @@ def _before(system, base, slid, twist):
 
 @kernel
 def semismooth_newton(system, q, tolerance, exact, previous):
-    """Return whether it is found, and what is known of it then."""
+    """Return whether a DLO that bears comes to rest near q (m, 3), and what is known of it then.
+
+    That is its Configuration, residual, violation, the Problem with its forces as multipliers, the
+    Hessian, by how much (rad) nodes have turned since it was factorized, and Newton steps.
+    """
     loaded, age, before, hold = system, np.inf, np.inf, system.effects.hold
     reaction, gone = _no_reaction(system), _no_reaction(system)
     begin, hessian = new_configuration(system), new_hessian(system)
@@ -326,7 +331,7 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         normal, shear = forces(table, state)
         same, rubs = _same(table, last), np.max(table.rubbing) >= 0
         if residual < tolerance and violation < exact and near > 0.0:
-            near = -exact
+            near = -exact  # candidates have done their work: judged is what holds without them
             for a in range(table.gap.size):
                 if is_candidate(loaded.effects.contact.contacts, table, a):
                     normal[a] = 0.0
@@ -335,7 +340,7 @@ def semismooth_newton(system, q, tolerance, exact, previous):
             state, residual, table, violation = kkt_residual(loaded, state.q)
             normal, shear = forces(table, state)
         if residual < tolerance and violation < exact:
-            if not same or rubs:  # the factorization is that of other contacts, of no friction's
+            if not same or rubs:  # factorized: other contacts, or a DLO that sticks
                 age = np.inf
             if forbids(system.effects, system, begin, state):
                 break
@@ -345,7 +350,7 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         if steps >= _GRACE and vain > (_PATIENCE if rubs else 0):
             break
         before, last = min(wrong, before) if same else wrong, table
-        # near the end the factorization before is as good; what slides turns its friction
+        # near the end the last factorization is as good; but friction turns with what slides
         fresh = not same or not _STALE * age * residual < tolerance or rubs
         bonded, anchors = loaded, loaded.effects.contact.contacts.anchor
         if rubs:
@@ -371,10 +376,10 @@ def semismooth_newton(system, q, tolerance, exact, previous):
 
 @kernel
 def _bonded(system, state, table):
-    """Return the Problem whose friction, at `state`, is its multipliers, however far it has slid.
+    """Return the Problem whose friction, at `state`, is its shear multipliers, whatever has slid.
 
-    Its springs hold the DLO where it is, so that the Hessian is that of a DLO that sticks. With the
-    law itself, a force turns over within a slip that no step can see.
+    Its springs are anchored where the DLO is, so that the Hessian is that of a DLO that sticks:
+    with the law itself a friction force reverses within a slip far smaller than any step.
     """
     old, rotation, x = system.effects.contact.contacts, np.empty((3, 3)), np.empty(3)
     anchor = old.anchor.copy()
@@ -475,9 +480,9 @@ def _bears(contacts):
 def _loaded(system, state, previous, near):
     """Return the Problem whose contacts, at `state`, push with the forces that are its multipliers.
 
-    What has none does not push. Beside nodes that bear those begin to that are nearer than `near`,
-    m: with a force that counts for nothing, the laws tell it. Beside a point that rolls nodes have
-    no say. Friction is that of the contacts there.
+    A contact without force does not push. Nodes beside those that bear become candidates where the
+    gap is below `near`, m, with a negligible force: the laws tell what they bear. Nodes beside
+    points that roll do not. With a past (`previous`) friction is that of the contacts there.
     """
     given = system.effects.contact.contacts
     scene, k, lengths = system.effects.contact.scene, given.stiffness, system.lengths
@@ -490,7 +495,7 @@ def _loaded(system, state, previous, near):
                            hessian)
             yielded[o, node], force[o, node] = k * gap, max(0.0, given.node[o, node])
             if force[o, node] == 0.0 and gap < near and _lies_beside(given.node[o], node):
-                force[o, node] = HARDLY * k * abs(gap)
+                force[o, node] = NEGLIGIBLE * k * abs(gap)
             node = next_touching(lengths, given.node[o], node, gap * longest)
     contacts = with_springs(given, 0.0, force, given.multiplier.copy())
     if len(previous):
