@@ -26,7 +26,7 @@ from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import HARDLY
-from dlo_planner.minimize.dense import lu_factor, lu_solve
+from dlo_planner.minimize.dense import lu_factor, lu_solve, lu_solve_columns
 from dlo_planner.model.arrays import Floats, Ints
 
 _SOFT = 1e-3     # of a spring's compliance: how much a contact gives in the first turns
@@ -34,7 +34,9 @@ _REFINED = 2     # times: what it gives counts a thousandth as much after each
 _OWN = 1e-3      # least part of a compliance that is not that of the springs
 _ALIKE = 1e-4    # of the limit: what a force of friction may be off by
 _GIVES, _FIRM = 1e-2, 1e-11  # of the own compliance: how much contacts give at first and at last
-_LESS, _MORE = 0.1, 10.0     # times as much after turns that come to an end, and that do not
+_EASY = 2                    # turns that show that contacts may give much less
+_LESS, _MUCH_LESS, _MORE = 0.1, 1e-3, 10.0  # times as much after turns that end, that end at once,
+#                              and that do not end
 _TIMES, _TURNS = 24, 15      # how often, and turns each time
 _NO_CONTACT = 1e3            # of the own compliance: what gives so much is none
 
@@ -121,7 +123,7 @@ def contact_forces(law, exchanges, turns):
     bears = law.bears.copy() if turns > 0 else np.ones(count, dtype=np.bool_)
     known, ends = _exchanged(law, np.full(size, _SOFT / law.stiffness), _stiffness_of(law, rubs),
                              turns, _REFINED if exchanges else 0, change, bears)
-    if turns == 0 or not rubs or known and ends:
+    if turns == 0 or not rubs or known and ends > 0:
         return known, change, bears
     own = _own_compliance(law)
     if not np.min(own) > 0.0:
@@ -136,8 +138,8 @@ def contact_forces(law, exchanges, turns):
     there, there_bears = change.copy(), bears.copy()
     for _ in range(_TIMES):
         found, ends = _exchanged(law, gives * own, grip, _TURNS, 0, there, there_bears)
-        if found and ends:
-            known, gives = True, _LESS * gives
+        if found and ends > 0:
+            known, gives = True, gives * (_LESS if ends > _EASY else _MUCH_LESS)
             change[:] = there
             bears[:] = there_bears
         else:
@@ -186,23 +188,24 @@ def _own_compliance(law):
                 for r in range(size if law.spring[a, j, k] != 0.0 else 0):
                     matrix[r, i + k] -= law.compliance[r, i + j] * law.spring[a, j, k]
     if lu_factor(matrix, order) != 0:
+        moves = law.compliance.copy()
+        lu_solve_columns(matrix, order, moves)
         for i in range(size):
-            column = law.compliance[:, i].copy()
-            lu_solve(matrix, order, column)
-            own[i] = column[i]
+            own[i] = moves[i, i]
     return own
 
 
 @kernel
 def _exchanged(law, gives, grip, turns, times, change, bears):
-    """Fill changes (K,) of loads and who bears; return whether there are any, and obey the laws.
+    """Fill changes (K,) of loads and who bears (A,), from those that they are.
 
-    From those that they are. Contacts give by gives (K,), m/N, of the change of their forces, and
-    after so many `times` as good as not. Without friction nothing bears again in the second half of
-    the turns, so that they come to an end.
+    Return whether there are any, and the number of turns after which they obey the laws, or 0.
+    Contacts give by gives (K,), m/N, of the change of their forces, and after so many `times` as
+    good as not. Without friction nothing bears again in the second half of the turns, so that they
+    come to an end.
     """
     size, count = law.free.size, law.friction.size
-    last, same, rubs = bears.copy(), False, size > count
+    last, same, ends, rubs = bears.copy(), False, 0, size > count
     force, slip, order = np.empty(size), np.empty(size), np.empty(size, dtype=np.int64)
     matrix, right, given = np.empty((size, size)), np.empty(size), np.empty((count, 3, 3))
     _put_motion(law, change, force, slip)
@@ -212,14 +215,14 @@ def _exchanged(law, gives, grip, turns, times, change, bears):
         sign = lu_factor(matrix, order)
         if sign == 0 or sign < 0 and not rubs:  # those before do
             bears[:] = last
-            return turn > 0, False
+            return turn > 0, 0
         change[:] = right
         lu_solve(matrix, order, change)
         last[:] = bears
         _put_motion(law, change, force, slip)
         for i in range(size):
             slip[i] += gives[i] * (force[i] - begin[i])
-        same = True
+        same, ends = True, turn + 1
         for a in range(count):
             i = law.first[a]
             bears[a] = (force[i] > 0.0 if bears[a]
@@ -239,16 +242,17 @@ def _exchanged(law, gives, grip, turns, times, change, bears):
         change[:] = right
         lu_solve(matrix, order, change)
         _put_motion(law, change, force, slip)
-    return True, same
+    return True, ends if same else 0
 
 
 @kernel
 def _put_motion(law, change, force, slip):
     """Fill forces (K,) N, and gaps and slips (K,) m, that follow from a change (K,) of loads."""
-    for i in range(slip.size):
-        slip[i] = law.free[i]
-        for k in range(slip.size):
-            slip[i] += law.compliance[i, k] * change[k]
+    slip[:] = law.free
+    for k in range(slip.size):
+        part = change[k]
+        for i in range(slip.size):
+            slip[i] += part * law.compliance[k, i]  # it is symmetric
     for a in range(law.friction.size):
         force[law.first[a]:law.first[a + 1]] = force_after(law, a, change, slip)
     for i in range(slip.size):
@@ -292,8 +296,9 @@ def _put_equations(law, bears, force, slip, grip, gives, begin, matrix, right, g
                 right[i + j] += (given[a, j, k] * begin[i + k] - by_load[j, k] * law.free[i + k]
                                  - by_force[j, k] * law.force[i + k]
                                  - by_slip[j, k] * law.gap[i + k])
-                for m in range(right.size if by_load[j, k] != 0.0 else 0):
-                    matrix[i + j, m] += by_load[j, k] * law.compliance[i + k, m]
+                part = by_load[j, k]
+                for m in range(right.size if part != 0.0 else 0):
+                    matrix[i + j, m] += part * law.compliance[i + k, m]
             for k in range(n):
                 matrix[i + j, i + k] += by_force[j, k]
 
