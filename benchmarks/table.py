@@ -26,7 +26,7 @@ from benchmarks.measured import growth, iteration, start_of_python
 from benchmarks.rows import Goal, Row, row
 from benchmarks.rulers import FLOORS
 from benchmarks.timing import Work
-from dlo_planner import DirectSimulator, FarEnd, InverseSimulator, parallel
+from dlo_planner import DirectSimulator, FarEnd, InverseSimulator, Plane, Pose, parallel
 
 _DEPTHS = np.linspace(0, 0.95, 100)
 _FEW = np.linspace(0, 0.9, 31)
@@ -143,12 +143,29 @@ def _each_step(simulator, poses):
     return [Work(lambda p=pose, b=before: simulator.solve(p, b)) for pose, before in touching]
 
 
+def _on_a_table(friction, along):
+    """Return steps of 1 mm of a wire of which a fifth lies on a table: some ten contacts."""
+    simulator = local(obstacles=[Plane((0, 0, 0), (0, 0, 1), friction)])
+    start = simulator.track([level(z) for z in np.arange(0.3, 0.095, -0.01)])[-1]
+    ways = [Pose(start.gripper.position + 1e-3 * k * np.array(along), (0, 0, 0, 1))
+            for k in range(1, 6)]
+    shapes = [start, *simulator.track(ways, initial=start)]
+    return [Work(lambda p=pose, b=known: simulator.solve(p, b))
+            for pose, known in zip(ways, shapes, strict=False)]
+
+
 def _contacts():
     yield row('contact step of 10 mm, copper wire on a bar', _contact_step, Goal(10, 'solves'))
     for name, (simulator, poses) in scenes().items():
         yield row(f'contact step of 10 mm, {name}, friction',
                   lambda s=simulator, p=poses: _each_step(s, p), Goal(5, 'ms'),
                   Goal(50, 'ms at worst'))
+
+
+    for what, friction, goal in (('', 0.0, 8), (', friction', 0.3, 20)):
+        for how, along in (('down', (0, 0, -1)), ('along', (1, 0, 0)), ('across', (0, 1, 0))):
+            yield row(f'step of 1 mm {how}, wire on a table{what}',
+                      lambda f=friction, a=along: _on_a_table(f, a), Goal(goal, 'solves'))
 
 
 def _held():

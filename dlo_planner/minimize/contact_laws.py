@@ -10,7 +10,7 @@ active set, and the state (stick or slip, in which direction), that the one befo
 Neighboring contacts of an inextensible DLO hardly move each other apart: their compliances are
 nearly dependent, and active sets may cycle. Then each contact gets a proximal compliance, by which
 it yields to a change of its force (proximal point method: Rockafellar 1976). It is divided by ten
-each time that the iteration converges, multiplied by ten each time that it does not.
+or more each time that the iteration converges, multiplied by ten each time that it does not.
 
 The augmentation parameter of friction is the tangential stiffness of the DLO itself at the contact:
 with a much larger one a contact that sticks would be taken for one that slides to and fro.
@@ -25,7 +25,7 @@ from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import NEGLIGIBLE
-from dlo_planner.minimize.dense import lu_factor, lu_solve
+from dlo_planner.minimize.dense import lu_factor, lu_solve, lu_solve_columns
 from dlo_planner.model.arrays import Bools, Floats, Ints
 
 _SOFT = 1e-3     # of a spring's compliance: the proximal compliance of the first attempt
@@ -34,7 +34,9 @@ _LEAST_OWN = 1e-3  # part of a compliance that counts at least as the DLO's, not
 _TOLERANCE = 1e-4  # of Coulomb's limit: by how much a friction force may differ from the law
 # Proximal compliances of further attempts, of the DLO's own: the first, and the limits of others.
 _FIRST, _LEAST, _MOST = 1e-2, 1e-11, 1e3
-_SHRINK, _GROW = 0.1, 10.0     # their factors after an attempt that converges, and one that fails
+# Their factors after an attempt that converges, that converges in _QUICK iterations, that fails.
+_SHRINK, _SHRINK_FAST, _GROW = 0.1, 1e-3, 10.0
+_QUICK = 2
 _ATTEMPTS, _ITERATIONS = 24, 15
 
 
@@ -120,10 +122,10 @@ def contact_forces(law, exchanges, iterations):
     size, count = law.free.size, law.friction.size
     rubs, change = size > count, np.zeros(size)
     bears = law.bears.copy() if iterations > 0 else np.ones(count, dtype=np.bool_)
-    known, converged = _semismooth(law, np.full(size, _SOFT / law.stiffness),
-                                   _augmentation(law, rubs), iterations,
-                                   _REFINED if exchanges else 0, change, bears)
-    if iterations == 0 or not rubs or known and converged:
+    known, taken = _semismooth(law, np.full(size, _SOFT / law.stiffness),
+                               _augmentation(law, rubs), iterations,
+                               _REFINED if exchanges else 0, change, bears)
+    if iterations == 0 or not rubs or known and taken > 0:
         return known, change, bears
     own = _own_compliance(law)
     if not np.min(own) > 0.0:
@@ -137,10 +139,10 @@ def contact_forces(law, exchanges, iterations):
     bears[:] = True
     trial, trial_bears = change.copy(), bears.copy()
     for _ in range(_ATTEMPTS):
-        found, converged = _semismooth(law, part * own, augmentation, _ITERATIONS, 0, trial,
-                                       trial_bears)
-        if found and converged:
-            known, part = True, _SHRINK * part
+        found, taken = _semismooth(law, part * own, augmentation, _ITERATIONS, 0, trial,
+                                   trial_bears)
+        if found and taken > 0:
+            known, part = True, part * (_SHRINK if taken > _QUICK else _SHRINK_FAST)
             change[:] = trial
             bears[:] = trial_bears
         else:
@@ -192,23 +194,24 @@ def _own_compliance(law):
                 for r in range(size if law.spring[a, j, k] != 0.0 else 0):
                     matrix[r, i + k] -= law.compliance[r, i + j] * law.spring[a, j, k]
     if lu_factor(matrix, order) != 0:
+        moves = law.compliance.copy()
+        lu_solve_columns(matrix, order, moves)
         for i in range(size):
-            column = law.compliance[:, i].copy()
-            lu_solve(matrix, order, column)
-            own[i] = column[i]
+            own[i] = moves[i, i]
     return own
 
 
 @kernel
 def _semismooth(law, proximal, augmentation, iterations, refinements, change, bears):
-    """Improve the change (K,) of loads and the active set; return whether they are found and obey.
+    """Improve the change (K,) of loads and the active set (A,).
 
-    Contacts yield by proximal (K,), m/N, times the change of their forces since the start, or since
-    the last of the refinements: proximal steps with the active set that is found. Without friction
-    no contact joins the active set in the second half of the iterations, so that they end.
+    Return whether they are found, and after how many iterations they obey the laws, or 0. Contacts
+    yield by proximal (K,), m/N, times the change of their forces since the start, then since the
+    last refinement, a proximal step with the active set that is found. Without friction no contact
+    joins the active set in the second half of the iterations, so that they end.
     """
     size, count = law.free.size, law.friction.size
-    last, same, rubs = bears.copy(), False, size > count
+    last, same, taken, rubs = bears.copy(), False, 0, size > count
     force, slip, order = np.empty(size), np.empty(size), np.empty(size, dtype=np.int64)
     matrix, right, by_center = np.empty((size, size)), np.empty(size), np.empty((count, 3, 3))
     _put_response(law, change, force, slip)
@@ -219,14 +222,14 @@ def _semismooth(law, proximal, augmentation, iterations, refinements, change, be
         sign = lu_factor(matrix, order)
         if sign == 0 or sign < 0 and not rubs:  # the active set before is kept
             bears[:] = last
-            return iteration > 0, False
+            return iteration > 0, 0
         change[:] = right
         lu_solve(matrix, order, change)
         last[:] = bears
         _put_response(law, change, force, slip)
         for i in range(size):
             slip[i] += proximal[i] * (force[i] - center[i])
-        same = True
+        same, taken = True, iteration + 1
         for a in range(count):
             i = law.first[a]
             bears[a] = (force[i] > 0.0 if bears[a]
@@ -246,16 +249,17 @@ def _semismooth(law, proximal, augmentation, iterations, refinements, change, be
         change[:] = right
         lu_solve(matrix, order, change)
         _put_response(law, change, force, slip)
-    return True, same
+    return True, taken if same else 0
 
 
 @kernel
 def _put_response(law, change, force, slip):
     """Fill forces (K,), N, and gaps and slips (K,), m, after a change (K,) of the loads."""
-    for i in range(slip.size):
-        slip[i] = law.free[i]
-        for k in range(slip.size):
-            slip[i] += law.compliance[i, k] * change[k]
+    slip[:] = law.free
+    for k in range(slip.size):
+        part = change[k]
+        for i in range(slip.size):
+            slip[i] += part * law.compliance[k, i]  # it is symmetric
     for a in range(law.friction.size):
         force[law.first[a]:law.first[a + 1]] = force_after(law, a, change, slip)
     for i in range(slip.size):
@@ -302,8 +306,9 @@ def _put_equations(law, bears, force, slip, augmentation, proximal, center, matr
                                  - by_load[j, k] * law.free[i + k]
                                  - by_force[j, k] * law.force[i + k]
                                  - by_slip[j, k] * law.gap[i + k])
-                for m in range(right.size if by_load[j, k] != 0.0 else 0):
-                    matrix[i + j, m] += by_load[j, k] * law.compliance[i + k, m]
+                part = by_load[j, k]
+                for m in range(right.size if part != 0.0 else 0):
+                    matrix[i + j, m] += part * law.compliance[i + k, m]
             for k in range(n):
                 matrix[i + j, i + k] += by_force[j, k]
 

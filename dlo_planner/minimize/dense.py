@@ -187,3 +187,23 @@ def lu_solve(factors, order, right):
         for k in range(i + 1, size):
             right[i] -= factors[i, k] * right[k]
         right[i] /= factors[i, i]
+
+
+@kernel
+def lu_solve_columns(factors, order, right):
+    """Solve for all columns of right (K, n), in place, with what `lu_factor` has filled."""
+    size, columns = right.shape
+    for i in range(size):
+        if order[i] != i:
+            for k in range(columns):
+                right[i, k], right[order[i], k] = right[order[i], k], right[i, k]
+    for i in range(size):
+        for k in range(i):
+            for j in range(columns):
+                right[i, j] -= factors[i, k] * right[k, j]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            for j in range(columns):
+                right[i, j] -= factors[i, k] * right[k, j]
+        for j in range(columns):
+            right[i, j] /= factors[i, i]

@@ -238,13 +238,12 @@ def _products(loads, answers):
     products = np.zeros((size, size))
     columns, rows = loads.reshape((size, flat)).T.copy(), answers.reshape((size, flat))
     for i in range(size):
-        out = products[i, :i + 1]  # slices are vectorized
         for k in range(flat):
-            part, column = rows[i, k], columns[k, :i + 1]
+            part = rows[i, k]
             for j in range(i + 1):
-                out[j] += part * column[j]
+                products[i, j] += part * columns[k, j]
         for j in range(i):
-            products[j, i] = out[j]
+            products[j, i] = products[i, j]
     return products
 
 
