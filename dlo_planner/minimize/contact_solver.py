@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A DLO that touches comes to rest: shape and forces at once where it can, else by turns.
 
-Shape and forces are sought at once first (`minimize.semismooth`). What that finds is judged like
+Shape and forces are sought at once first (`minimize.semismooth`). What that finds is judged as
 any other minimum: the points that bear are those that `active_set` chooses, and the shape stands.
 Mostly nothing is left to be done; else the augmented Lagrangian method does it (Nocedal and Wright,
 ch. 17.4): minimize, move each multiplier by what its constraint is violated by, repeat until

@@ -77,7 +77,7 @@ class NearestToCenters(Family):
         shape = self._nearest(before, depth, _PART * whole)
         if shape is None:
             return None
-        if final:  # what the ball has kept back may come nearer by what is left of a step
+        if final:  # what the reach has kept back may come nearer by what is left of a step
             last, gripper = before.shape.gripper, shape.gripper
             moved = np.array([angle_between(last.rotation, gripper.rotation),
                               np.linalg.norm(gripper.position - last.position)])
