@@ -149,9 +149,9 @@ def _on_a_table(friction, along):
     start = simulator.track([level(z) for z in np.arange(0.3, 0.095, -0.01)])[-1]
     ways = [Pose(start.gripper.position + 1e-3 * k * np.array(along), (0, 0, 0, 1))
             for k in range(1, 6)]
-    shapes = [start, *simulator.track(ways, initial=start)]
+    shapes = [start, *simulator.track(ways, initial=start)[:-1]]
     return [Work(lambda p=pose, b=known: simulator.solve(p, b))
-            for pose, known in zip(ways, shapes, strict=False)]
+            for pose, known in zip(ways, shapes, strict=True)]
 
 
 def _contacts():
