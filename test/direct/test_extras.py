@@ -79,6 +79,17 @@ def test_surface_stress_of_a_cantilever():
     np.testing.assert_allclose(shape.surface_stress[:, 1], 0, atol=1e-3)
 
 
+def test_surface_stress_is_largest_at_both_of_two_clamps():
+    wire = Rod.circular(0.3, 4e-3, 8960.0, 200e9, 0.3)
+    end = Pose((0.29, 0, 1), (0, 0, 0, 1))
+    shape = DirectSimulator(wire, basis='local').solve(LEVEL, far_end=end)
+    stress = shape.surface_stress[:, 0]
+    assert shape.converged
+    np.testing.assert_allclose(stress, stress[::-1], rtol=1e-4, atol=1e-4 * stress.max())
+    at_middles = np.abs(shape.strains[:, 2]).max() * 2e-3 * 200e9
+    assert stress[-1] > at_middles
+
+
 def test_section_numbers_of_a_square():
     # Timoshenko and Goodier: J = 0.1406 a^4, largest shear = T / (0.208 a^3)
     square = Section.of('rectangular', 0.5, 0.5, 1.0, 0.0)

@@ -9,7 +9,7 @@ from scipy.optimize import nnls
 from dlo_planner.minimize.contact_laws import ContactLaws, contact_forces, force_after
 
 
-def laws(compliance, gap, friction, force=None, stiffness=1e3, spring=0.0):
+def laws(compliance, gap, friction, force=None, stiffness=1e3, spring=0.0, free=0.0):
     """Return ContactLaws of contacts that rub, or do not (friction None), springs held to zero."""
     size, rubs = len(gap), friction is not None
     count = size // 3 if rubs else size
@@ -24,7 +24,7 @@ def laws(compliance, gap, friction, force=None, stiffness=1e3, spring=0.0):
     return ContactLaws(first, np.asarray(gap, float),
                        np.zeros(size) if force is None else np.asarray(force, float), springs,
                        np.full(count, 0.0 if friction is None else float(friction)),
-                       np.zeros(size), held, stiffness, np.ones(count, dtype=np.bool_))
+                       np.zeros(size) + free, held, stiffness, np.ones(count, dtype=np.bool_))
 
 
 def solved(law, turns=8):
@@ -83,6 +83,23 @@ def test_many_contacts_keep_coulombs_law(seed, spring):
     rng = np.random.default_rng(seed)
     law = laws(body(rng, 18), rng.normal(size=18) - np.tile([1.0, 0, 0], 6), 0.4, spring=spring)
     assert wrong(*solved(law), 0.4) < 1e-4
+
+
+def test_contacts_that_move_by_themselves_keep_coulombs_law():
+    rng = np.random.default_rng(0)
+    for spring in (0.0, 50.0):
+        law = laws(body(rng, 18), rng.normal(size=18), 0.4, spring=spring,
+                   free=rng.normal(size=18) - np.tile([1.0, 0, 0], 6))
+        assert wrong(*solved(law), 0.4) < 1e-4
+
+
+@pytest.mark.parametrize('scale', [1e-6, 1e6])
+def test_a_stiff_body_keeps_coulombs_law_as_a_soft_one(scale):
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        compliance, gap = body(rng, 18), rng.normal(size=18) - np.tile([1.0, 0, 0], 6)
+        forces, slips = solved(laws(scale * compliance, scale * gap, 0.4, stiffness=1e3 / scale))
+        assert wrong(forces, slips / scale, 0.4) < 1e-4
 
 
 @pytest.mark.parametrize('seed', range(20))

@@ -224,6 +224,13 @@ def test_a_rectangle_yields_at_its_corners():
         assert utilization(shape, limits) == pytest.approx(shape.surface_stress[:, 0].max() / 60e6)
 
 
+def test_a_twisted_dlo_yields_at_its_torsion():
+    # straight between two grips: its torsion is the angle over the length
+    twisted = Pose.from_rotation((1, 0, 0), Rotation.from_rotvec([0.5, 0, 0]).as_matrix())
+    shape = DirectSimulator(WIRE, gravity=(0, 0, 0)).solve(Pose.identity(), far_end=twisted)
+    assert utilization(shape, np.array([0.8, 2.0, 2.0])) == pytest.approx(0.5 / 0.8, rel=1e-6)
+
+
 def test_each_axis_yields_at_its_own_limit():
     # bent about n alone, the limit of the other axis and of torsion do not matter
     sharpest = max(np.hypot(*shape.strains[:, 1:].T).max() for shape in FREE.shapes)
