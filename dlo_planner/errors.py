@@ -65,7 +65,7 @@ class Infeasible(DloPlannerError):
     amount : float
         Size of the violation, in `unit`; the message ends with both.
     unit : str
-        SI unit of the amount; '' for a ratio, as of stability.
+        SI unit of the amount, '' for a ratio. If None, m, and of stability a ratio.
     plan : Plan or None
         The plan up to that waypoint (`fraction` < 1), as evidence, or None.
     prove : callable or None
@@ -73,7 +73,9 @@ class Infeasible(DloPlannerError):
     """
 
     def __init__(self, message: str, waypoint: int, constraint: str, amount: float,
-                 plan: Any = None, unit: str = 'm') -> None:
+                 plan: Any = None, unit: str | None = None) -> None:
+        if unit is None:
+            unit = '' if constraint == 'stability' else 'm'
         super().__init__(f'{message} ({constraint}, by {amount:.4g} {unit}'.rstrip() + ')')
         self.waypoint = waypoint
         self.constraint = constraint

@@ -79,10 +79,10 @@ def contact_axes(table, first):
 
 
 @kernel
-def contact_laws(system, anchors, state, table, first, axes, normal, free, compliance):
+def contact_laws(system, state, table, first, axes, normal, free, compliance):
     """Return the ContactLaws at a state, with forces `normal` (A,).
 
-    Its springs are those in the Hessian that `compliance` is of. Slips count from anchors (C, 3).
+    Its springs are those in the Hessian that `compliance` is of.
     """
     contacts, count, size = system.effects.contact.contacts, table.gap.size, first[-1]
     gap, force, spring = np.empty(size), np.empty(size), np.zeros((count, 3, 3))
@@ -101,7 +101,7 @@ def contact_laws(system, anchors, state, table, first, axes, normal, free, compl
         part = contacts.multiplier[c] / whole if whole > contacts.multiplier[c] else 1.0
         for j in (1, 2):
             along = np.sum(trial * axes[i + j])
-            gap[i + j] = np.sum((x - anchors[c]) * axes[i + j])
+            gap[i + j] = np.sum((x - contacts.anchor[c]) * axes[i + j])
             force[i + j] = -part * along
             for k in (1, 2):
                 turned = (along / whole * np.sum(trial * axes[i + k]) / whole if part < 1.0

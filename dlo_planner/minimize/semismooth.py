@@ -23,7 +23,7 @@ from dlo_planner.energy.potential import at_elements, evaluate, project, unknown
 from dlo_planner.energy.problem import new_configuration, with_gripper
 from dlo_planner.energy.scene import translated
 from dlo_planner.energy.terms import forbids, row_count
-from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
+from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element
 from dlo_planner.geometry.record import copy, put_sum, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.active_set import free_to_roll
@@ -81,9 +81,8 @@ def update_multipliers(system, state, table, share, q, vain):
     if used:
         target, across, hessian = normal.copy(), shear.copy(), new_hessian(system)
         step = np.empty_like(q)
-        used = complementarity_step(system, system.effects.contact.contacts.anchor, state, table,
-                                    hessian, used, vain > _TOILS, not is_held(system), target,
-                                    across, step, _no_reaction(system))
+        used = complementarity_step(system, state, table, hessian, used, vain > _TOILS,
+                                    not is_held(system), target, across, step, _no_reaction(system))
         if used:
             there = new_configuration(system)
             put_sum(q, share, step, there.q)
@@ -132,13 +131,12 @@ def put_forces(system, table, normal, shear):
 
 
 @kernel
-def complementarity_step(system, anchors, state, table, hessian, fresh, neutral, exchanges, normal,
-                         shear, step, reaction):
+def complementarity_step(system, state, table, hessian, fresh, neutral, exchanges, normal, shear,
+                         step, reaction):
     """Return whether it succeeds: fill the forces that obey the linearized laws, and the step.
 
-    And the change of the reaction (K,) of a held far end. Slips count from anchors (C, 3).
-    `fresh`: whether to assemble the Hessian; `neutral`: whether it may be neutral; `exchanges`:
-    whether the active set may change.
+    And the change of the reaction (K,) of a held far end. `fresh`: whether to assemble the Hessian;
+    `neutral`: whether it may be neutral; `exchanges`: whether the active set may change.
     """
     if fresh:
         assemble(system, state, hessian)
@@ -156,7 +154,7 @@ def complementarity_step(system, anchors, state, table, hessian, fresh, neutral,
     solve_held(system, hessian, right, miss, step, reaction)
     for i in range(free.size):
         free[i] = dot(loads[i], step)
-    law = contact_laws(system, anchors, state, table, first, axes, normal, free,
+    law = contact_laws(system, state, table, first, axes, normal, free,
                        _products(loads, answers))
     known, change, bears = contact_forces(
         law, exchanges, _CHANGES if exchanges or has_inertia(system.effects.anchor) else 0)
@@ -341,7 +339,7 @@ def semismooth_newton(system, q, tolerance, exact, previous):
             state, residual, table, violation = kkt_residual(loaded, state.q)
             normal, shear = forces(table, state)
         if residual < tolerance and violation < exact:
-            if not same or rubs:  # factorized: other contacts, or a DLO that sticks
+            if not same:  # the factorization is that of other contacts
                 age = np.inf
             if forbids(system.effects, system, begin, state):
                 break
@@ -353,16 +351,12 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         before, last = min(wrong, before) if same else wrong, table
         # near the end the last factorization is as good; but friction turns with what slides
         fresh = not same or not _STALE * age * residual < tolerance or rubs
-        bonded, anchors = loaded, loaded.effects.contact.contacts.anchor
         if rubs:
-            bonded = _bonded(loaded, state, table)
-            evaluate(bonded, state)
-            normal, shear = forces(table, state)
             near = min(violation, _NEAR * np.sum(system.lengths))
-        if not complementarity_step(bonded, anchors, state, table, hessian, fresh, neutral, neutral,
-                                    normal, shear, step, reaction):
+        if not complementarity_step(loaded, state, table, hessian, fresh, neutral, neutral, normal,
+                                    shear, step, reaction):
             break
-        change = largest_turn(bonded, hessian, step) + softness * _difference(table.force, normal)
+        change = largest_turn(loaded, hessian, step) + softness * _difference(table.force, normal)
         age = change if fresh else age + change
         put_forces(loaded, table, normal, shear)
         # contacts that come and go in turn are those of neither shape: from the middle on
@@ -373,24 +367,6 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         place(loaded, state)
     move_multipliers(hold, -1.0, gone)
     return False, state, np.inf, np.inf, system, hessian, age, _STEPS
-
-
-@kernel
-def _bonded(system, state, table):
-    """Return the Problem whose friction, at `state`, is its shear multipliers, whatever has slid.
-
-    Its springs are anchored where the DLO is, so that the Hessian is that of a DLO that sticks:
-    with the law itself a friction force reverses within a slip far smaller than any step.
-    """
-    old, rotation, x = system.effects.contact.contacts, np.empty((3, 3)), np.empty(3)
-    anchor = old.anchor.copy()
-    for a in range(table.gap.size):
-        c = table.rubbing[a]
-        if c >= 0:
-            point_inside(system.lengths, state.strains, state.rotations, state.positions,
-                         old.element[c], old.fraction[c], rotation, x)
-            anchor[c] = x
-    return with_contacts(system, replaced(old, 'anchor', anchor), system.effects.contact.scene)
 
 
 @kernel
@@ -437,8 +413,8 @@ def correction(system, strains, positions):
     step = np.zeros_like(state.q)
     touches = table.gap.size > 0
     if not touches or not complementarity_step(
-            loaded, loaded.effects.contact.contacts.anchor, state, table, new_hessian(system),
-            touches, not touches, not is_held(system), normal, shear, step, _no_reaction(system)):
+            loaded, state, table, new_hessian(system), touches, not touches, not is_held(system),
+            normal, shear, step, _no_reaction(system)):
         return np.inf
     if not np.min(normal) > 0.0:
         return np.inf

@@ -91,7 +91,8 @@ class PlanBuilder:
             one.room for one in margins if one.name == 'clearance')))
         self._demands.progress.done(len(self.waypoints), len(self._depths))
 
-    def refusal(self, constraint: str, amount: float, why: str, unit: str = 'm') -> Infeasible:
+    def refusal(self, constraint: str, amount: float, why: str,
+                unit: str | None = None) -> Infeasible:
         """Return Infeasible for the next waypoint, with the plan up to it as evidence."""
         return _refusal(self._what, len(self.waypoints), self._depths, constraint, float(amount),
                         unit, why, self.partial())
@@ -129,8 +130,8 @@ def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
                    broken.message, truncate(plan, broken.place, PlanStatus.PARTIAL))
 
 
-def _refusal(what: str, index: int, depths: Floats, constraint: str, amount: float, unit: str,
-             why: str, plan: Plan) -> Infeasible:
+def _refusal(what: str, index: int, depths: Floats, constraint: str, amount: float,
+             unit: str | None, why: str, plan: Plan) -> Infeasible:
     """Return Infeasible for the waypoint `index`."""
     deep = bool(np.any(depths))
     depth = f' (depth {depths[index]:g} m)' if deep else ''

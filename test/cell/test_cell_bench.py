@@ -94,7 +94,7 @@ def test_a_closed_loop_sees_and_moves():
 
 def test_a_refusal_is_an_outcome():
     outcome = run(bar_task(), refuses)
-    assert outcome.refused == 'Infeasible: nothing is possible (stability, by 1 m)'
+    assert outcome.refused == 'Infeasible: nothing is possible (stability, by 1)'
     assert not outcome.threaded
 
 

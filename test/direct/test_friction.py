@@ -242,3 +242,29 @@ def test_one_step_on_halved_elements_tells_what_all_steps_do_where_it_slides(wir
         slid.append(any(np.linalg.norm(contact.friction) > 0.299 * contact.force
                         for contact in shape.contacts))
     assert sum(slid) >= 3
+
+
+@pytest.mark.parametrize('height', [0.12, 0.1, 0.08])
+@pytest.mark.parametrize('way', [(0, 1, 0), (-1, 0, 0), (0, 0, 1), (0, 0, -1)],
+                         ids=['across', 'back', 'up', 'down'])
+def test_a_wire_on_a_table_is_drawn_anywhere_in_few_steps_of_newton(wire, height, way):
+    # what stuck slides, what slid turns over: with a stiff trial force Newton goes to and fro
+    table = DirectSimulator(wire, basis='local', n_elements=64,
+                            obstacles=[Plane((0, 0, 0), (0, 0, 1), 0.3)])
+    shape = table.track([Pose((0, 0, z), LEVEL) for z in np.arange(0.3, height - 1e-3, -0.01)])[-1]
+    assert len(shape.contacts) >= 5
+    for k in range(1, 6):
+        gripper = Pose((0, 0, height) + 1e-3 * k * np.array(way), LEVEL)
+        before, shape = shape, table.solve(gripper, shape)
+        assert shape.converged and not shape.jumped
+        assert shape.iterations <= 12  # 40 to 90 where it does
+        for one in shape.contacts:
+            pushed = np.linalg.norm(one.friction)
+            assert pushed <= 0.3 * one.force * (1 + 1e-9)
+            slid = shape.at(one.s).position - before.at(one.s).position
+            slid = slid - slid @ one.normal * one.normal
+            if pushed < 0.299 * one.force:
+                assert np.linalg.norm(slid) < 1e-8
+            elif np.linalg.norm(slid) > 1e-6:
+                against = -one.friction @ slid / (pushed * np.linalg.norm(slid))
+                assert against > 0.999
