@@ -25,7 +25,7 @@ from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import NEGLIGIBLE
-from dlo_planner.minimize.dense import lu_factor, lu_solve, lu_solve_columns
+from dlo_planner.minimize.dense import lu_factor, lu_solve
 from dlo_planner.model.arrays import Bools, Floats, Ints
 
 _SOFT = 1e-3     # of a spring's compliance: the proximal compliance of the first attempt
@@ -195,7 +195,7 @@ def _own_compliance(law):
                     matrix[r, i + k] -= law.compliance[r, i + j] * law.spring[a, j, k]
     if lu_factor(matrix, order) != 0:
         moves = law.compliance.copy()
-        lu_solve_columns(matrix, order, moves)
+        lu_solve(matrix, order, moves)
         for i in range(size):
             own[i] = moves[i, i]
     return own
@@ -224,7 +224,7 @@ def _semismooth(law, proximal, augmentation, iterations, refinements, change, be
             bears[:] = last
             return iteration > 0, 0
         change[:] = right
-        lu_solve(matrix, order, change)
+        lu_solve(matrix, order, change.reshape((size, 1)))
         last[:] = bears
         _put_response(law, change, force, slip)
         for i in range(size):
@@ -247,7 +247,7 @@ def _semismooth(law, proximal, augmentation, iterations, refinements, change, be
                     right[i + j] += by_center[a, j, k] * (force[i + k] - center[i + k])
         center[:] = force
         change[:] = right
-        lu_solve(matrix, order, change)
+        lu_solve(matrix, order, change.reshape((size, 1)))
         _put_response(law, change, force, slip)
     return True, taken if same else 0
 

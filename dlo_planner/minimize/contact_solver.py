@@ -10,9 +10,8 @@ nothing is violated. Between two minimizations the active set is looked at anew,
 friction follow from the forces found. What is judged is the residual with these limits: friction
 has no potential.
 
-Both are needed: between two grips, and with friction, turns often go on without an end, so that
-forces are sought at once from several starts there; but only turns bring out what begins deep
-inside an obstacle.
+Both are needed: between two grips turns often go on without an end, so that forces are sought at
+once from several starts there; but only turns bring out what begins deep inside an obstacle.
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ import numpy as np
 from dlo_planner.energy.contact import obstructed, trial_traction
 from dlo_planner.energy.gap import closest_point
 from dlo_planner.energy.grip import holds, reaction_of, set_reaction
-from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.problem import Configuration, Problem, hinged, new_configuration
 from dlo_planner.energy.terms import row_count
 from dlo_planner.geometry.kinematics import point_inside
@@ -31,7 +29,6 @@ from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.active_set import enlarge_active_set, free_to_roll, update_active_set
 from dlo_planner.minimize.contact_table import (
-    cut_friction,
     kkt_residual,
     touching,
     update_friction,
@@ -172,14 +169,12 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
 def _starts(system, max_iterations):
     """Return from how many starts forces are sought at once.
 
-    More between two grips, and at rest with friction: there turns often go on without an end.
+    More between two grips: there turns often go on without an end.
     """
     held = is_held(system)
     if max_iterations <= (_BETWEEN_GRIPS if held else _ON_A_WAY):
         return range(0)
-    rubs = np.max(system.effects.contact.scene.friction) > 0.0
-    at_rest = not has_inertia(system.effects.anchor)
-    return range(_STARTS if held or rubs and at_rest else 1)
+    return range(_STARTS if held else 1)
 
 
 @kernel
@@ -315,7 +310,7 @@ def augmented_lagrangian(system, q, tolerance, exact, max_iterations, check, pre
     vain = news = kicks = iterations = 0
     best = before = violation = np.inf
     stiffer, held = 1.0, is_held(system)
-    stability, judged, final, softened = np.nan, False, False, False
+    stability, judged, final = np.nan, False, False
     for turn in range(rounds):
         state, left, steps, contacts, new = _round(
             system, q, tolerance, exact, min(_PATIENCE, max_iterations - iterations), previous,
@@ -328,9 +323,6 @@ def augmented_lagrangian(system, q, tolerance, exact, max_iterations, check, pre
         enough = residual < max(tolerance * (COARSER if steps else _STALLED),
                                 gradient_noise(system, state))
         good = violation < exact and enough
-        if good and stiffer > 1.0 and not softened:  # stiff springs multiply rounding errors
-            system, stiffer, softened, before = _stiffened(system, 1.0 / stiffer), 1.0, True, np.inf
-            continue
         if iterations >= max_iterations or good and not check:
             break
         if good:
@@ -350,6 +342,7 @@ def augmented_lagrangian(system, q, tolerance, exact, max_iterations, check, pre
         if news % (_NEWS + 1) == 0:  # what is new has to bear before its force counts
             solved = update_multipliers(system, state, table, _share(vain, held), q, vain)
         if solved and stiffer > 1.0 and vain == 0 and violation < _CLOSE * exact:
+            # stiff springs multiply rounding errors
             system, stiffer = _stiffened(system, 1.0 / stiffer), 1.0
         if (not solved and not held and news == 0 and violation > max(exact, _SLOW * before)
                 and stiffer < _MOST_STIFFER):
@@ -373,7 +366,7 @@ def _round(system, q, tolerance, exact, most, previous, keeps):
     contacts, new = enlarge_active_set(system, state) if keeps else update_active_set(system, state)
     # Without a past it has slid to where it needs no friction; on its way it keeps what it has.
     if len(previous) and residual <= _SHORT * tolerance:
-        contacts = cut_friction(update_friction(system, contacts, state, previous))
+        contacts = update_friction(system, contacts, state, previous)
     return state, residual, steps, contacts, new
 
 

@@ -265,16 +265,6 @@ def _friction_before(contacts, obstacle, element, fraction):
 
 
 @kernel
-def cut_friction(contacts):
-    """Cut the multipliers of friction to its limits, in place, and return `contacts`."""
-    for c in range(contacts.element.size):
-        size = np.sqrt(np.sum(contacts.shear[c] ** 2))
-        if contacts.obstacle[c] < 0 and size > contacts.multiplier[c]:
-            contacts.shear[c] *= contacts.multiplier[c] / size
-    return contacts
-
-
-@kernel
 def _put_across(shear, normal, out):
     """Fill out (3,) with what is across the normal of shear (3,)."""
     along = np.sum(shear * normal)

@@ -176,22 +176,7 @@ def lu_factor(matrix, order):
 
 @kernel
 def lu_solve(factors, order, right):
-    """Solve for right (K,), in place, with what `lu_factor` has filled."""
-    size = right.size
-    for i in range(size):
-        right[i], right[order[i]] = right[order[i]], right[i]
-    for i in range(size):
-        for k in range(i):
-            right[i] -= factors[i, k] * right[k]
-    for i in range(size - 1, -1, -1):
-        for k in range(i + 1, size):
-            right[i] -= factors[i, k] * right[k]
-        right[i] /= factors[i, i]
-
-
-@kernel
-def lu_solve_columns(factors, order, right):
-    """Solve for all columns of right (K, n), in place, with what `lu_factor` has filled."""
+    """Solve for the columns of right (K, n), in place, with what `lu_factor` has filled."""
     size, columns = right.shape
     for i in range(size):
         if order[i] != i:

@@ -175,6 +175,6 @@ def add_slip(system: Problem, state: Configuration, hessian: Hessian, answers: F
     if lu_factor(matrix, order) == 0:
         return
     for i in range(6):
-        lu_solve(matrix, order, change[i])
+        lu_solve(matrix, order, change[i].reshape((size, 1)))
         for p in range(size):
             answers[i] -= change[i, p] * response[p]

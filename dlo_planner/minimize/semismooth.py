@@ -35,7 +35,6 @@ from dlo_planner.minimize.contact_laws import (
 )
 from dlo_planner.minimize.contact_table import (
     NEGLIGIBLE,
-    cut_friction,
     is_candidate,
     kkt_residual,
     touching,
@@ -95,7 +94,6 @@ def update_multipliers(system, state, table, share, q, vain):
                 for i in range(3):
                     shear[a, i] += share * (across[a, i] - shear[a, i])
     put_forces(system, table, normal, shear)
-    cut_friction(system.effects.contact.contacts)  # what has no more than its limit may stick
     return used
 
 

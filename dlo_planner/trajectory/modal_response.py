@@ -136,7 +136,7 @@ def _turn(factors: Floats, order: Ints, y: Floats, turned: Floats) -> None:
     `turned` (m,) is for use here.
     """
     turned[:] = y
-    lu_solve(factors, order, turned)
+    lu_solve(factors, order, turned.reshape((turned.size, 1)))
     for i in range(y.size):
         y[i] = 2.0 * turned[i] - y[i]
 

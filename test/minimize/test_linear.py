@@ -11,6 +11,7 @@ from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
 from dlo_planner.energy.terms import KKTBorder
+from dlo_planner.minimize.dense import lu_factor, lu_solve
 from dlo_planner.minimize.hessian import (
     assemble,
     assembled_definite,
@@ -220,3 +221,14 @@ def test_numbers_that_overflowed_are_of_no_use():
     border = of_matrix(np.full((6, 6), np.inf))
     assert complemented(border) == -7
     assert (border.schur == 0).all()
+
+
+@pytest.mark.parametrize('size', [1, 2, 7, 40])
+def test_lu_swaps_rows_and_tells_the_sign_of_the_determinant(size, rng):
+    for _ in range(10):
+        matrix, right = rng.normal(size=(size, size)), rng.normal(size=(size, 3))
+        factors, order, found = matrix.copy(), np.empty(size, dtype=np.int64), right.copy()
+        assert lu_factor(factors, order) == np.linalg.slogdet(matrix)[0]
+        lu_solve(factors, order, found)
+        np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-7, atol=1e-7)
+    assert lu_factor(np.zeros((size, size)), order) == 0
