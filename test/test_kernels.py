@@ -58,7 +58,7 @@ from dlo_planner.minimize.response import (
     twists_inside,
 )
 from dlo_planner.minimize.semismooth import update_multipliers
-from dlo_planner.minimize.solve import solve_free, solve_step
+from dlo_planner.minimize.solve import follow_step, solve_free, solve_step
 from dlo_planner.penalties import PositionAt, Through
 from dlo_planner.plan import clearance, swept, workspace
 from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
@@ -70,7 +70,7 @@ KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_a
            kkt_residual, update_multipliers, gripper_answers, clearance.element_rooms,
            swept._exceeded, workspace._distances, strain_answers, parameters._moved_points,
            residuals._points_at, nearest_place, follow_goals, solve_free, solve_contact,
-           predictor_corrector, discretization_errors, equidistribute, node_twists,
+           predictor_corrector, follow_step, discretization_errors, equidistribute, node_twists,
            twists_inside, fill_residuals, fill_rows]
 
 

@@ -10,12 +10,16 @@ import ast
 import re
 import runpy
 import subprocess
+import sys
 from collections import Counter
 from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+
+from dlo_planner import DirectSimulator, Pose, Rod, Sphere
+from dlo_planner.kernels import COMPILED
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ('dlo_planner', 'msg_helpers')
@@ -60,29 +64,85 @@ def imported(tree, modules):
     return found & modules
 
 
+def reached(graph, start):
+    """Return all modules that a module imports, directly or not."""
+    seen, waiting = set(), [start]
+    while waiting:
+        for other in graph[waiting.pop()] - seen:
+            seen.add(other)
+            waiting.append(other)
+    return seen
+
+
 def rings(graph):
     """Return the sets of modules that import each other."""
-    reached = {}
-    for start in graph:
-        seen, waiting = set(), [start]
-        while waiting:
-            for other in graph[waiting.pop()] - seen:
-                seen.add(other)
-                waiting.append(other)
-        reached[start] = seen
-    return {frozenset(other for other in seen if one in reached[other])
-            for one, seen in reached.items() if one in seen}
+    there = {start: reached(graph, start) for start in graph}
+    return {frozenset(other for other in seen if one in there[other])
+            for one, seen in there.items() if one in seen}
+
+
+@cache
+def graph():
+    """Return what of the packages each of their modules imports, by names."""
+    trees = {'.'.join(path.with_suffix('').parts).removesuffix('.__init__'): tree
+             for path, tree in package().items()}
+    return {name: imported(tree, set(trees)) - {name} for name, tree in trees.items()}
 
 
 def test_no_modules_import_each_other():
-    trees = {'.'.join(path.with_suffix('').parts).removesuffix('.__init__'): tree
-             for path, tree in package().items()}
     counts = Counter()
-    for ring in rings({name: imported(tree, set(trees)) - {name} for name, tree in trees.items()}):
+    for ring in rings(graph()):
         rooms = {'.'.join(name.split('.')[:2]) for name in ring}
         assert len(rooms) == 1, f'a ring through rooms: {sorted(ring)}'
         counts[rooms.pop()] += len(ring)
     assert {room: count for room, count in counts.items() if count > RINGS.get(room, 0)} == {}
+
+
+def calls_between_modules(run):
+    """Return (caller, called) of all calls from one module of the package to another, in `run`.
+
+    Compiled functions count where Python calls them.
+    """
+    calls, stack = [], ['']
+
+    def note(frame, event, _):
+        path = Path(frame.f_code.co_filename)
+        if event in ('call', 'return') and ROOT / 'dlo_planner' in path.parents:
+            if event == 'return':
+                stack.pop()
+                return
+            stack.append('.'.join(path.relative_to(ROOT).with_suffix('').parts))
+            if stack[-1] != stack[-2]:
+                calls.append((stack[-2], stack[-1]))
+
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        run()
+    finally:
+        sys.setprofile(before)
+    return calls
+
+
+# What a reader has to open who follows one step on a sphere: files; climbs, calls to a file that
+# imports the caller's; returns, calls to a file that was entered before. It only shrinks.
+@pytest.mark.skipif(not COMPILED, reason='all kernels would be counted')
+@pytest.mark.parametrize(('options', 'limits'), [
+    ({'n_elements': 40}, (12, 1, 29)), ({}, (15, 1, 37))], ids=['mesh', 'accuracy'])
+def test_a_warm_solve_walks_through_few_files(options, limits):
+    wire = Rod.circular(0.6, 2e-3, 8960.0, 110e9, 0.34)
+    simulator = DirectSimulator(wire, obstacles=[Sphere((0.3, 0, 0.16), 0.06)], **options)
+    shape = None
+    for height in (0.22, 0.219, 0.218):
+        gripper = Pose.looking_along((0, 0, height), (1, 0, 0))
+        before, shape = shape, simulator.solve(gripper, shape)
+    assert shape.contacts
+    calls = calls_between_modules(lambda: simulator.solve(gripper, before))
+    entered = [called for _, called in calls]
+    climbs = [call for call in calls if call[0] in reached(graph(), call[1])]
+    assert len(set(entered)) <= limits[0], sorted(set(entered))
+    assert len(climbs) <= limits[1], climbs
+    assert len(entered) - len(set(entered)) <= limits[2]
 
 
 @cache

@@ -24,17 +24,10 @@ from dlo_planner.energy.plastic import (
     yielding_layers,
 )
 from dlo_planner.energy.problem import Problem, with_gripper
-from dlo_planner.energy.scene import Scene, build_scene, translated
-from dlo_planner.energy.terms import (
-    TERMS,
-    KKTBorder,
-    free_terms,
-    structure_of,
-)
+from dlo_planner.energy.scene import Scene, build_scene
+from dlo_planner.energy.terms import TERMS, free_terms, structure_of
 from dlo_planner.geometry.basis import equidistribute, orthonormal_basis, very_twisted
-from dlo_planner.geometry.record import replaced
-from dlo_planner.kernels import kernel
-from dlo_planner.minimize.contact_table import with_contacts
+from dlo_planner.minimize.solve import placed
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Rod, Surface
@@ -384,58 +377,6 @@ def unknown_scale(basis: str, stiffness: Floats, lengths: Floats, mean: Floats) 
     if basis == 'local':
         return 1 / np.sqrt(stiffness * lengths[..., None])
     return np.sqrt(mean) / stiffness  # moments, which do not jump where the stiffness does
-
-
-@kernel
-def placed(system: Problem, base: Floats, origin: Floats, hold: Any, spring: float,
-           plastic: Floats, node: Floats, element: Ints, obstacle: Ints, multiplier: Floats,
-           fraction: Floats, anchor: Floats, normal: Floats, shear: Floats) -> Any:
-    """Return the same Problem in a gripper and a grip `hold`, with what a Memory has left."""
-    effects, needs = system.effects, system.needs
-    held = replaced(
-        system, 'base', base, 'origin', origin,
-        'effects', replaced(effects, 'plastic', with_set(effects.plastic, plastic), 'hold', hold),
-        'needs', replaced(needs, 'displaced', _displaced(needs.displaced, hold),
-                          'border', _with_rows(needs.border, hold)))
-    return _touching(effects.contact, held, origin, spring, node, element, obstacle, multiplier,
-                     fraction, anchor, normal, shear)
-
-
-@kernel
-def with_set(plastic: Any, strain: Floats) -> Any:
-    """Return a PlasticSection with another plastic strain; None for None."""
-    if plastic is None:
-        return plastic
-    return replaced(plastic, 'set', strain.copy())
-
-
-@kernel
-def _displaced(displaced: Any, hold: Any) -> Any:
-    """Whether displacements matter: by the springs of a grip, too; None for None."""
-    if displaced is None or hold is None:
-        return displaced
-    return displaced or hold.multiplier.size > 0 and hold.stiffness > 0.0
-
-
-@kernel
-def _with_rows(border: Any, hold: Any) -> Any:
-    """Return an empty KKTBorder of as many rows as are held; None for None."""
-    if border is None or hold is None:
-        return border
-    none = np.empty((hold.multiplier.size, 0, 3))
-    return KKTBorder(none, none, np.empty((0, 0)), np.zeros(1))
-
-
-@kernel
-def _touching(contact: Any, system: Problem, origin: Floats, spring: float, node: Floats,
-              element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats, anchor: Floats,
-              normal: Floats, shear: Floats) -> Any:
-    """Return the Problem with contacts that are left, in world axes; itself without obstacles."""
-    if contact is None:
-        return system
-    contacts = ContactSet(spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(),
-                          fraction.copy(), anchor - origin, normal.copy(), shear.copy(), spring)
-    return with_contacts(system, contacts, translated(contact.scene, origin))
 
 
 # ------------------------------------------------------------------------------------------------

@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.discretization import placed, with_set
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.elastic import Elastic
 from dlo_planner.energy.grip import GripConstraint
@@ -57,7 +56,13 @@ from dlo_planner.minimize.newton import (
     next_to,
     thorough,
 )
-from dlo_planner.minimize.solve import is_equilibrium, obstructed_minimum, outcome
+from dlo_planner.minimize.solve import (
+    is_equilibrium,
+    obstructed_minimum,
+    outcome,
+    placed,
+    with_set,
+)
 from dlo_planner.model.arrays import Bools, Floats, Ints
 
 PAST = 2  # rows before that of now: places of the nodes alone, which tell how exact a step is

@@ -42,11 +42,16 @@ from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.terms import may_act
 from dlo_planner.geometry.so3 import partway
 from dlo_planner.minimize.classic import search
-from dlo_planner.minimize.contact_solver import follow_contact
 from dlo_planner.minimize.convergence import CONVERGED, Minimum
 from dlo_planner.minimize.newton import follow_homotopy
 from dlo_planner.minimize.semismooth import correction
-from dlo_planner.minimize.solve import Solution, is_equilibrium, outcome, solve_step
+from dlo_planner.minimize.solve import (
+    Solution,
+    follow_step,
+    is_equilibrium,
+    outcome,
+    solve_step,
+)
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd, distance, spans
@@ -164,13 +169,11 @@ def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, stra
     """Return the Shape in which a DLO goes on bearing where it does, or None."""
     if not mesh.may_hang or not past.in_contact:
         return None
-    begin = initial.gripper
-    start = (np.array(begin.rotation, order='C'), np.array(past.points.slid), strains,
-             gripper.position - begin.position)
-    before = np.hstack([past.positions - gripper.position, past.tangents])
-    found = follow_contact(mesh.system(gripper.rotation, gripper.position, past), start, TOLERANCE,
-                           MAX_ITERATIONS, EXACT * float(mesh.s[-1]), before)
-    return None if found is None else shape_of(mesh, gripper, found, past)
+    end = Solution(*follow_step(
+        mesh.full, gripper.rotation, gripper.position, past.plastic, past.node_force, *past.points,
+        past.positions, past.tangents, initial.gripper.rotation, initial.gripper.position,
+        read_only(strains), TOLERANCE, EXACT * float(mesh.s[-1]), MAX_ITERATIONS))
+    return shape_from(mesh, gripper, end, past, None, False) if end.residual < np.inf else None
 
 
 def past_of(mesh: Discretization, initial: Shape | None, memory: Memory | None) -> Memory:

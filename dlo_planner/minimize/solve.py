@@ -11,20 +11,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.energy.contact import trial_traction
+from dlo_planner.energy.contact import ContactSet, trial_traction
 from dlo_planner.energy.gap import penetration_of_point
 from dlo_planner.energy.grip import constraint_violation, put_wrench
 from dlo_planner.energy.plastic import add_plastic, return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
 from dlo_planner.energy.scene import translated
-from dlo_planner.energy.terms import may_act, potential, stored
+from dlo_planner.energy.terms import KKTBorder, may_act, potential, stored
 from dlo_planner.geometry.basis import truncation_error
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record, copy, replaced
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.contact_solver import COARSER, solve_contact
-from dlo_planner.minimize.contact_table import touching
+from dlo_planner.minimize.contact_solver import COARSER, predictor_corrector, solve_contact
+from dlo_planner.minimize.contact_table import touching, with_contacts
 from dlo_planner.minimize.convergence import is_stationary
 from dlo_planner.minimize.newton import (
     HELD_NEUTRAL,
@@ -68,6 +68,58 @@ class Solution(NamedTuple):
 
 
 @kernel
+def placed(system: Problem, base: Floats, origin: Floats, hold: Any, spring: float,
+           plastic: Floats, node: Floats, element: Ints, obstacle: Ints, multiplier: Floats,
+           fraction: Floats, anchor: Floats, normal: Floats, shear: Floats) -> Any:
+    """Return the same Problem in a gripper and a grip `hold`, with what a Memory has left."""
+    effects, needs = system.effects, system.needs
+    held = replaced(
+        system, 'base', base, 'origin', origin,
+        'effects', replaced(effects, 'plastic', with_set(effects.plastic, plastic), 'hold', hold),
+        'needs', replaced(needs, 'displaced', _displaced(needs.displaced, hold),
+                          'border', _with_rows(needs.border, hold)))
+    return _touching(effects.contact, held, origin, spring, node, element, obstacle, multiplier,
+                     fraction, anchor, normal, shear)
+
+
+@kernel
+def with_set(plastic: Any, strain: Floats) -> Any:
+    """Return a PlasticSection with another plastic strain; None for None."""
+    if plastic is None:
+        return plastic
+    return replaced(plastic, 'set', strain.copy())
+
+
+@kernel
+def _displaced(displaced: Any, hold: Any) -> Any:
+    """Whether displacements matter: by the springs of a grip, too; None for None."""
+    if displaced is None or hold is None:
+        return displaced
+    return displaced or hold.multiplier.size > 0 and hold.stiffness > 0.0
+
+
+@kernel
+def _with_rows(border: Any, hold: Any) -> Any:
+    """Return an empty KKTBorder of as many rows as are held; None for None."""
+    if border is None or hold is None:
+        return border
+    none = np.empty((hold.multiplier.size, 0, 3))
+    return KKTBorder(none, none, np.empty((0, 0)), np.zeros(1))
+
+
+@kernel
+def _touching(contact: Any, system: Problem, origin: Floats, spring: float, node: Floats,
+              element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats, anchor: Floats,
+              normal: Floats, shear: Floats) -> Any:
+    """Return the Problem with contacts that are left, in world axes; itself without obstacles."""
+    if contact is None:
+        return system
+    contacts = ContactSet(spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(),
+                          fraction.copy(), anchor - origin, normal.copy(), shear.copy(), spring)
+    return with_contacts(system, contacts, translated(contact.scene, origin))
+
+
+@kernel
 def solve_step(system: Problem, watched: Any, base: Floats, origin: Floats, strains: Floats,
                places: Floats, tangents: Floats, frames: Floats, turned_from: Floats, nodes: Ints,
                most: float, tolerance: float, exact: float, steps: int, check: bool,
@@ -102,6 +154,31 @@ def solve_step(system: Problem, watched: Any, base: Floats, origin: Floats, stra
 
 
 @kernel
+def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, node: Floats,
+                   element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats,
+                   anchor: Floats, normal: Floats, shear: Floats, slid: Floats, places: Floats,
+                   tangents: Floats, turned_from: Floats, moved_from: Floats, strains: Floats,
+                   tolerance: float, exact: float, steps: int) -> Any:
+    """Return what `solve_step` does, of a DLO that goes on bearing where it does as it is moved.
+
+    What a Memory has left stands as in `placed`; `turned_from`, `moved_from` (3, 3), (3,) are the
+    gripper before. The residual is infinite where something is in the way, or points that bear do
+    not go on bearing.
+    """
+    there = placed(system, base.copy(), origin.copy(), system.effects.hold,
+                   system.effects.contact.contacts.stiffness, plastic, node, element, obstacle,
+                   multiplier, fraction, anchor, normal, shear)
+    goes_on, state, residual, stability, iterations, kicks, loaded, violation = predictor_corrector(
+        there, turned_from.copy(), slid.copy(), strains.copy(), origin - moved_from,
+        COARSER * tolerance, exact, steps, _seen_from(origin, places, tangents))
+    if not goes_on:
+        residual, loaded, state = np.inf, there, new_configuration(there)
+        evaluate(there, state)
+    end = outcome(loaded, state, loaded.origin, residual, 0.0, True)
+    return end + (residual, stability, iterations, kicks, violation, True)
+
+
+@kernel
 def _minimum(contact, system, options, work, places, tangents):
     """Return what `solve_contact` does, of a DLO with obstacles or without."""
     if contact is None:
@@ -123,12 +200,19 @@ def _unobstructed(system, options, work):
 @kernel
 def obstructed_minimum(system, q, tolerance, exact, steps, check, places, tangents):
     """Return what `solve_contact` does of a DLO whose nodes were at `places`, world, before."""
+    return solve_contact(system, q, COARSER * tolerance, exact, steps, check,
+                         _seen_from(system.origin, places, tangents))
+
+
+@kernel
+def _seen_from(origin, places, tangents):
+    """Return (N + 1, 6) places of nodes from a gripper at `origin` (3,), and tangents there."""
     before = np.empty((places.shape[0], 6))
     for k in range(places.shape[0]):
         for i in range(3):
-            before[k, i] = places[k, i] - system.origin[i]
+            before[k, i] = places[k, i] - origin[i]
             before[k, 3 + i] = tangents[k, i]
-    return solve_contact(system, q, COARSER * tolerance, exact, steps, check, before)
+    return before
 
 
 @kernel
