@@ -61,8 +61,8 @@ class InverseSimulator(Value):
     workspace : Workspace, optional
         Where the gripper may be. If None, anywhere.
     allow_plastic : bool, optional
-        Whether a plan may bend the DLO beyond its yield limits. Planning itself is elastic:
-        `replay` with `simulator` shows the permanent set.
+        Whether a plan may bend the DLO beyond its yield limits. Planning itself is elastic: where
+        `Plan.yields`, `replay` with `simulator` shows what the DLO does.
     """
 
     _PARTS = ('simulator', 'requirements', '_given')

@@ -86,7 +86,7 @@ class PlanContext:
             speeds, self.progress, required.workspace, () if touched else around,
             around if touched else (), Surface.of(rod), tolerance=required.tolerance,
             stability=required.stability,
-            yield_limits=None if required.allow_plastic else _yield_limits(self.given.rod),
+            yield_limits=_yield_limits(self.given.rod), allow_plastic=required.allow_plastic,
             simulator=None if touched else self.simulator.without_obstacles())
 
     def builder(self, depths: ArrayLike) -> PlanBuilder:

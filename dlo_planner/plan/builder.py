@@ -16,7 +16,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.model.arrays import Floats
-from dlo_planner.plan.checks import Judge, violated
+from dlo_planner.plan.checks import Judge, utilization, violated
 from dlo_planner.plan.continuity import discontinuity
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import (
@@ -51,6 +51,7 @@ class PlanBuilder:
                  initial: Shape | None = None, stops: Iterable[int] = ()) -> None:
         self.waypoints: list[Waypoint] = []
         self._rooms: list[float] = []  # of each, beside everything, m
+        self._used: list[float] = []  # of the yield limits
         self._initial, self._stops = initial, stops
         self._depths: Floats = np.asarray(depths, dtype=float)
         self._demands, self._what = demands, what
@@ -89,6 +90,8 @@ class PlanBuilder:
         self.waypoints.append(waypoint)
         self._rooms.append(min(self._demands.room_beside_touched(waypoint.shape), *(
             one.room for one in margins if one.name == 'clearance')))
+        limits = self._demands.yield_limits
+        self._used.append(np.nan if limits is None else utilization(waypoint.shape, limits))
         self._demands.progress.done(len(self.waypoints), len(self._depths))
 
     def refusal(self, constraint: str, amount: float, why: str,
@@ -109,7 +112,7 @@ class PlanBuilder:
     def _plan(self, status: PlanStatus) -> Plan:
         stops = tuple(stop for stop in self._stops if stop < len(self.waypoints))
         return build_plan(self.waypoints, self._depths, self._demands.speeds, status, stops,
-                          self._rooms)
+                          self._rooms, self._used)
 
 
 def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
@@ -141,8 +144,11 @@ def _refusal(what: str, index: int, depths: Floats, constraint: str, amount: flo
 
 def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[float, float],
                status: PlanStatus, stops: tuple[int, ...] = (),
-               rooms: Sequence[float] = ()) -> Plan:
-    """Return the Plan of Waypoints at the first of the `depths`; speeds: m/s, rad/s; rooms: m."""
+               rooms: Sequence[float] = (), used: Sequence[float] = ()) -> Plan:
+    """Return the Plan of Waypoints at the first of the `depths`; speeds: m/s, rad/s; rooms: m.
+
+    used: of the yield limits, 1 where the DLO begins to yield.
+    """
     grippers = [waypoint.shape.gripper for waypoint in waypoints]
     return Plan(np.array(depths[:len(waypoints)]), tuple(grippers),
                 tuple(waypoint.shape for waypoint in waypoints),
@@ -153,7 +159,8 @@ def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[floa
                 padded_clearances([waypoint.clearances for waypoint in waypoints]),
                 waypoints[-1].sheets if waypoints else (),
                 len(waypoints) / len(depths), status, stops,
-                clearance=np.array(rooms or [waypoint.clearance for waypoint in waypoints]))
+                clearance=np.array(rooms or [waypoint.clearance for waypoint in waypoints]),
+                yield_utilization=np.array(used or [np.nan] * len(waypoints)))
 
 
 def refusal_for_leap(simulator: DirectSimulator, builder: PlanBuilder,

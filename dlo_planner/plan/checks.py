@@ -71,9 +71,10 @@ class Judge:
     obstacles: tuple[Obstacle, ...] = ()  # obstacles that the DLO must not touch
     touched: tuple[Obstacle, ...] = ()  # those that it may touch: its distance from them is said
     surface: Surface = Surface()  # of the DLO
-    # (3,) or None strains since the stress-free shape, torsion and both curvatures, at which the
-    # DLO would yield, 1/m, or None where it may
+    # (3,) strains since the stress-free shape, torsion and both curvatures, at which the DLO would
+    # yield, 1/m. If None, it never does
     yield_limits: Floats | None = None
+    allow_plastic: bool = True  # whether it may
     # DirectSimulator without obstacles that finds the DLO's shapes between the waypoints. If None,
     # the DLO is checked at the waypoints only
     simulator: DirectSimulator | None = None
@@ -159,7 +160,7 @@ class Judge:
             yield Margin('max_bend_curvature', shape.bend_margin, 'the DLO is bent by {over:.3g} '
                          '1/m more than max_bend_curvature = {limit:g} 1/m',
                          limit=rod.max_bend_curvature, unit='1/m')
-        if self.yield_limits is not None:
+        if not self.allow_plastic and self.yield_limits is not None:
             load = utilization(shape, self.yield_limits)
             yield Margin('yield', 1 - load, 'the DLO would yield: bent or twisted to {found:.3g} '
                          'times its limits', load, unit='')

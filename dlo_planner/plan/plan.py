@@ -32,13 +32,15 @@ Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
 
 # fields of a Plan with an entry for each waypoint
 PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times',
-                'via_points', 'clearances', 'insertion_force', 'clearance')
+                'via_points', 'clearances', 'insertion_force', 'clearance', 'yield_utilization')
+_MAY_BE_LEFT_OUT = 'insertion_force', 'yield_utilization'  # nan where they are
 _SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
 _STRAIGHT = np.cos(np.deg2rad(5))
 _NEAR = 0.1       # of the length: how far before the planned arc length the DLO may pass a center
 _ARRAYS = {'depths': 'depths', 'misalignment': 'misalignment', 'miss': 'position_error',
            'times': 'times', 'clearances': 'clearances', 'stops': 'stops',
-           'insertion_force': 'insertion_force', 'clearance': 'clearance'}  # in a file: in a Plan
+           'insertion_force': 'insertion_force', 'clearance': 'clearance',
+           'yield_utilization': 'yield_utilization'}  # in a file: in a Plan
 
 
 class PlanStatus(Enum):
@@ -104,6 +106,10 @@ class Plan(Filmed):
         Smallest distance in m between the DLO's surface and all that is around it: the sheets of
         its cut-outs and the simulator's obstacles, about 0 where it touches one; infinite where
         there is nothing. If not given, the smallest of the `clearances`.
+    yield_utilization : ndarray, shape (n,)
+        Largest strain of the DLO, as a part of what it yields at. Plans are elastic: above 1 the
+        DLO would yield there and take another shape, now and later, which `replay` shows. nan where
+        it was not looked at, or nothing yields.
     """
 
     depths: Floats
@@ -120,14 +126,15 @@ class Plan(Filmed):
     stops: tuple[int, ...] = ()
     insertion_force: Floats = ()  # type: ignore[assignment]  # an array (n,) from then on
     clearance: Floats = ()  # type: ignore[assignment]  # the same
+    yield_utilization: Floats = ()  # type: ignore[assignment]  # the same
 
     def __post_init__(self) -> None:
         grippers = items('Plan.grippers', self.grippers, Pose)
         n = len(grippers)
-        if isinstance(self.insertion_force, tuple) and not self.insertion_force:
-            put(self, insertion_force=np.full(n, np.nan))
-        for name in PER_WAYPOINT[:-1]:  # the last, clearance, follows from others
-            if len(items(f'Plan.{name}', getattr(self, name), object)) != n:
+        put(self, **{name: np.full(n, np.nan) for name in _MAY_BE_LEFT_OUT
+                     if isinstance(getattr(self, name), tuple) and not getattr(self, name)})
+        for name in PER_WAYPOINT:
+            if name != 'clearance' and len(items(f'Plan.{name}', getattr(self, name), object)) != n:
                 raise InvalidTask(f'Plan.{name} = {shown(getattr(self, name))}: expected one entry '
                                   f'per gripper pose, {n}')
         put(self, clearances=results('Plan.clearances', self.clearances, (n, None, 3)))
@@ -143,7 +150,7 @@ class Plan(Filmed):
                         for stop in items('Plan.stops', self.stops, object)),
             **{name: results(f'Plan.{name}', getattr(self, name), (n,))
                for name in ('depths', 'misalignment', 'position_error', 'times',
-                            'insertion_force', 'clearance')})
+                            'insertion_force', 'clearance', 'yield_utilization')})
         super().__post_init__()
 
     def __len__(self) -> int:
@@ -168,7 +175,8 @@ class Plan(Filmed):
                      *([f'{self.times[-1]:.4g} s', f'miss {self.position_error.max():.1g} m',
                         f'stability {self.stability.min():.2g}',
                         f'clearance {self.clearance.min():.2g} m'
-                        if np.isfinite(self.clearance).any() else ''] if n else []))
+                        if np.isfinite(self.clearance).any() else '',
+                        'it would yield' if self.yields else ''] if n else []))
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the plan: everything but the rods of its shapes, and what surrounds them.
@@ -261,6 +269,11 @@ class Plan(Filmed):
         if held_after(self) is None:
             return np.full((len(self), 3), np.nan)
         return np.array([_straightening(shape) for shape in self.shapes]).reshape(-1, 3)
+
+    @property
+    def yields(self) -> bool:
+        """Whether the DLO would yield at a waypoint, by `yield_utilization`."""
+        return bool((self.yield_utilization > 1).any())
 
     @property
     def bend_margin(self) -> Floats:

@@ -192,6 +192,7 @@ class PlanningServer(Part):
             'waypoints': len(plan), 'largest miss [m]': float(plan.position_error.max()),
             'smallest clearance [m]': float(plan.clearance.min()),
             'smallest bend margin [1/m]': float(plan.bend_margin.min()),
+            'yield limit used': float(plan.yield_utilization.max()),
             'largest residual': float(plan.residual.max()),
             'smallest stability': float(plan.stability.min())}
         self.statistics.count('plans made')

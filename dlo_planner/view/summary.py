@@ -142,6 +142,8 @@ def plan_columns(plan: Plan) -> list[tuple[str, Floats, float, str]]:
                ('room at the rim', rim, np.min, 'm'), ('clearance', plan.clearance, np.min, 'm'),
                ('bend margin', plan.bend_margin, np.min, '1/m'),
                ('stability', plan.stability, np.min, ''), ('residual', plan.residual, np.max, '')]
+    if np.isfinite(plan.yield_utilization).any():
+        columns.append(('yield limit used', plan.yield_utilization, np.max, ''))
     if any(shape.far_end is not None for shape in plan.shapes):
         columns.append(('push into the bore, estimated', plan.insertion_force, np.max, 'N'))
     return [(name, values, float(worst(values)), unit) for name, values, worst, unit in columns]

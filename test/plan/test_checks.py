@@ -14,6 +14,7 @@ from dlo_planner import (
     Infeasible,
     InvalidTask,
     InverseSimulator,
+    Plan,
     Plane,
     Pose,
     Rod,
@@ -157,12 +158,31 @@ def test_yield_is_reported_or_forbidden():
     sharpest = max(np.hypot(*shape.strains[:, 1:].T).max() for shape in FREE.shapes)
     soft = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, yield_curvature=0.8 * sharpest,
                         hardening=0.5)
-    assert thread(soft).fraction == 1
+    plan = thread(soft)
+    assert plan.fraction == 1 and plan.yields and 'it would yield' in repr(plan)
+    assert plan.yield_utilization.max() == pytest.approx(1.25, rel=1e-3)
+    assert 'yield limit used' in plan.summary()
     with pytest.raises(Infeasible) as caught:
         thread(soft, allow_plastic=False)
     assert caught.value.constraint == 'yield' and 0 < caught.value.amount <= 0.251
     hard = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, yield_curvature=1.01 * sharpest)
-    assert thread(hard, allow_plastic=False).fraction == 1
+    kept = thread(hard, allow_plastic=False)
+    assert kept.fraction == 1 and not kept.yields
+    assert kept.yield_utilization.max() == pytest.approx(1 / 1.01, rel=1e-3)
+    assert np.isnan(FREE.yield_utilization).all() and not FREE.yields
+
+
+def test_a_held_contact_says_that_the_dlo_would_yield(tmp_path):
+    bar = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)
+    top = Pose((0.5, 0, 0.7 + 0.02), (0, 0, 0, 1))
+    soft = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, yield_curvature=0.3, hardening=0.5)
+    inverse = InverseSimulator(DirectSimulator(soft, basis='local', n_elements=64, obstacles=[bar]))
+    plan = inverse.hold_contact(top, 0.6, forces=[0.1])
+    sharpest = np.hypot(*plan.shapes[0].strains[:, 1:].T).max()
+    assert plan.yields
+    assert plan.yield_utilization[0] == pytest.approx(sharpest / 0.3, rel=1e-3)
+    plan.save(tmp_path / 'plan.json')
+    assert Plan.load(tmp_path / 'plan.json').yield_utilization == plan.yield_utilization
 
 
 def test_a_held_contact_is_chosen_inside_the_workspace():
