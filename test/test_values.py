@@ -25,8 +25,7 @@ from dlo_planner import (
     Shape,
     Sheet,
 )
-from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.memory import Memory
+from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.model.supports import Surroundings
 from dlo_planner.model.value import Value, brief, parts_of
 from dlo_planner.rods import GraspedInside

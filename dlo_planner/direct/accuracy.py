@@ -22,12 +22,12 @@ import numpy as np
 
 from dlo_planner.direct.discretization import (
     Discretization,
+    Memory,
     even_mesh,
     graded_mesh,
     nodes_at,
     with_breaks,
 )
-from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import StepInputs, corrected_by, equilibrium, past_of, step
 from dlo_planner.geometry.basis import truncation_error

@@ -22,6 +22,7 @@ from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import Grips, equilibrium
 from dlo_planner.energy.ccd import sweeps_through
+from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
 from dlo_planner.geometry.so3 import (
     matrix,
     rotation_vector,
@@ -29,8 +30,7 @@ from dlo_planner.geometry.so3 import (
     turn_between,
 )
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.newton import largest_turn_between
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd
@@ -223,7 +223,7 @@ def _lost(previous: Shape, shape: Shape) -> bool:
     least = _SPREAD * spread + _EXACT * energy
     if lost <= least:
         return False
-    past, mesh = shape.history, shape.mesh
+    past, mesh = shape.state.history, shape.state.mesh
     if past is not None and shape.contacts:
         lost -= past.friction_work
     if shape.far_end is None or shape_change(previous, shape) <= _LEAP_ON:
@@ -236,9 +236,9 @@ def _lost(previous: Shape, shape: Shape) -> bool:
 
 def _on_mesh_of(shape: Shape, previous: Shape) -> Shape:
     """Return the Shape before a step on the mesh after it: energies of two meshes tell no fall."""
-    mesh, known = shape.mesh, previous.mesh
-    if mesh is None or known is None or (mesh.has_nodes(previous.s)
-                                         and mesh.n_unknowns == known.n_unknowns):
+    mesh, known = shape.state.mesh, previous.state.mesh
+    if mesh is None or known is None or mesh is known or (
+            mesh.has_nodes(previous.s) and mesh.n_unknowns == known.n_unknowns):
         return previous
     there = equilibrium(mesh, previous.gripper,
                         mesh.strains_from(previous.s, previous.element_strains),
@@ -285,7 +285,8 @@ def _changes(one: Shape, other: Shape) -> bool:
     """Whether contacts come, go, turn over an edge, or begin or cease to slide between Shapes."""
     if not (one.contacts or other.contacts):
         return False
-    before, after = _states(one, other.obstacles), _states(other, other.obstacles)
+    obstacles = other.obstacles
+    before, after = _states(one, obstacles), _states(other, obstacles)
     return not (_each_in(before, after) and _each_in(after, before))
 
 
@@ -312,7 +313,7 @@ def _each_in(some: dict[tuple[int, bool], list[Floats]],
 
 def _passes(previous: Shape, shape: Shape) -> bool:
     """Whether a DLO that touches neither before nor after goes through an obstacle in between."""
-    mesh = shape.mesh
+    mesh = shape.state.mesh
     if (previous.contacts or shape.contacts or mesh is None or not mesh.obstructed
             or shape.state.culled):  # the step has looked at the way
         return False
@@ -339,3 +340,14 @@ def shape_change(one: Shape, other: Shape) -> float:
     freeze((here, there))
     return largest_turn_between(here, there, one.gripper.rotation, other.gripper.rotation,
                                 np.arange(SAMPLES.size))
+
+
+@kernel
+def largest_turn_between(frames: Floats, others: Floats, base: Floats, other_base: Floats,
+                         nodes: Ints) -> float:
+    """Return the largest rotation in rad, in the gripper, of some nodes (k,) between two shapes."""
+    before = carried_frames(frames, base, other_base, nodes)
+    least = 3.0
+    for k in range(nodes.size):
+        least = min(least, trace_of_product(others[nodes[k]], before[k]))
+    return float(np.arccos(min(max(0.5 * (least - 1.0), -1.0), 1.0)))

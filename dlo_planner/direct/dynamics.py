@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.direct.integrator import (
     DAMPED,
     KINETIC,
@@ -27,7 +27,6 @@ from dlo_planner.direct.integrator import (
     Scheme,
     credit_renewal,
 )
-from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Deferred, Motion
 from dlo_planner.direct.search import MAX_ITERATIONS, Search
 from dlo_planner.direct.shape import Shape

@@ -27,8 +27,7 @@ import numpy as np
 import scipy
 
 from dlo_planner.blas import one_thread
-from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.memory import Memory
+from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.direct.search import KEPT, Search, evaluated, hinge_unknowns, minimum, with_hinge
 from dlo_planner.energy.elastic import purely_elastic
 from dlo_planner.energy.inertia import InertiaTerm

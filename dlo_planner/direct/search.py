@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.memory import Memory
+from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.energy.contact import without_hinge as without_hinge_of_contact
 from dlo_planner.energy.elastic import with_couples
 from dlo_planner.energy.potential import configuration_at, evaluate

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.memory import Memory, mapped
+from dlo_planner.direct.discretization import Discretization, Memory, mapped
 from dlo_planner.direct.modes import MOST_MODES, SPARE, Linearized, Modes, continued, modes_of
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.errors import InvalidTask
@@ -370,7 +369,9 @@ class Shape(Pictured):
     @property
     def _hinge(self) -> tuple[int, float] | None:
         mesh = self.state.mesh
-        return None if mesh is None else _hinge(mesh.rod, self.element_strains - mesh.natural)
+        if mesh is None or not mesh.yields:
+            return None
+        return _hinge(mesh.rod, self.element_strains - mesh.natural)
 
     @property
     def _hinge_in_words(self) -> str:
@@ -714,7 +715,7 @@ def _hinge(rod: Rod, bent: Floats) -> tuple[int, float] | None:
     An element that is bent or twisted far beyond its limit bears its limit moment to 0.3 %; if the
     next ones but one bear 8 % less, the moment in it is beyond what the section can bear.
     """
-    if not rod.yields or rod.hardening > 0 or len(bent) < _FEW:
+    if rod.hardening > 0 or len(bent) < _FEW:
         return None
     curved: Any = rod.yield_curvature or (np.inf, np.inf)  # a pair, whatever was given
     shares = np.abs(bent) / (rod.yield_torsion or np.inf, *curved)

@@ -22,7 +22,7 @@ from dlo_planner.direct.accuracy import (
 )
 from dlo_planner.direct.boundary_motion import ends_of, moving_grips, poses
 from dlo_planner.direct.continuation import follow
-from dlo_planner.direct.discretization import Discretization, even_mesh
+from dlo_planner.direct.discretization import Discretization, Memory, even_mesh
 from dlo_planner.direct.dynamics import (
     InitialConditions,
     IntegrationOptions,
@@ -35,7 +35,6 @@ from dlo_planner.direct.dynamics import (
     simulate,
 )
 from dlo_planner.direct.integrator import INTEGRATORS
-from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.search import STRAINS
 from dlo_planner.direct.shape import Shape

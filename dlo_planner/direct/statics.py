@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.memory import NOWHERE, ContactPoints, Memory
+from dlo_planner.direct.discretization import NOWHERE, ContactPoints, Discretization, Memory
 from dlo_planner.direct.search import (
     EXACT,
     KEPT,
@@ -569,7 +568,7 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     after: Memory = before
     contacts: tuple[Any, ...] = ()
     if not (mesh.hangs and far_end is None):  # else the next step does not count from here
-        freeze(end[4:7])
+        freeze(end[4:8])
         after = memory_after(mesh, end, before, culled)
         if mesh.obstructed and not culled:
             contacts = contacts_of(mesh.s, end.contacts, gripper.position)
@@ -592,7 +591,6 @@ def memory_after(mesh: Discretization, end: Solution, before: Memory, culled: bo
             plastic, lost = end.plastic, lost + end.lost
         if mesh.obstructed:
             force, points = end.forces[0], ContactPoints(*end.forces[1:])
-            freeze(end.forces)
     tangents = end.frames[:, :, 0].copy()
     tangents.flags.writeable = False
     after = Memory.__new__(Memory)  # nobody else has its arrays: it need not look at them

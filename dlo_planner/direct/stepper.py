@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.boundary_motion import BoundaryMotion
-from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.direct.integrator import (
     DAMPED,
     DISSIPATED,
@@ -43,7 +43,6 @@ from dlo_planner.direct.integrator import (
     stability_at,
     step_problem,
 )
-from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.search import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE
 from dlo_planner.direct.shape import Shape, State
 from dlo_planner.direct.statics import acts_at, reach_of, shape_from

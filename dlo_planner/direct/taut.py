@@ -19,8 +19,7 @@ import numpy as np
 from scipy.optimize import brentq, root
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.discretization import Discretization, with_breaks
-from dlo_planner.direct.memory import Memory
+from dlo_planner.direct.discretization import Discretization, Memory, with_breaks
 from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose

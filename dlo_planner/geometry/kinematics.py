@@ -24,6 +24,7 @@ from dlo_planner.geometry.so3 import (
     rotation_and_chord_with,
     slope,
     times,
+    times_transposed,
     transposed_applied,
     vector,
 )
@@ -428,3 +429,26 @@ def _nearest_inside(lengths, strains, rotations, positions, element, low, point,
         if slope == 0.0 or abs(fraction - last) < 1e-15:
             break
     return fraction
+
+
+# ------------------------------------------------------------------------------------------------
+# How frames of two shapes differ, each seen from its gripper.
+
+
+@kernel
+def carried_frames(frames, before, base, nodes):
+    """Return the frames (k, 3, 3) of nodes as the gripper carries them from `before` to `base`."""
+    turn = times_transposed(matrix(base), matrix(before))
+    carried = np.empty((nodes.size, 3, 3))
+    for k in range(nodes.size):
+        put_matrix(times(turn, matrix(frames[nodes[k]])), carried[k])
+    return carried
+
+
+@kernel
+def trace_of_product(a, b):
+    """Return the trace of a b^T."""
+    total = 0.0
+    for i in range(3):
+        total += a[i, 0] * b[i, 0] + a[i, 1] * b[i, 1] + a[i, 2] * b[i, 2]
+    return total

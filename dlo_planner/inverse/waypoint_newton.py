@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.direct.continuation import largest_turn_between
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.search import TOLERANCE
 from dlo_planner.direct.shape import Shape, check_movable
@@ -64,11 +65,7 @@ from dlo_planner.minimize.hessian import (
 )
 from dlo_planner.minimize.kkt import add_to
 from dlo_planner.minimize.lanczos import lowest_mode
-from dlo_planner.minimize.newton import (
-    NEUTRAL,
-    WELL_STABLE,
-    largest_turn_between,
-)
+from dlo_planner.minimize.newton import NEUTRAL, WELL_STABLE
 from dlo_planner.minimize.response import node_twists, twists_inside
 from dlo_planner.minimize.riccati import answer_to_turn
 from dlo_planner.minimize.solve import outputs

@@ -56,8 +56,8 @@ from dlo_planner.energy.problem import (
     new_configuration,
 )
 from dlo_planner.energy.terms import forbids, may_forbid, row_count
+from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
 from dlo_planner.geometry.record import Record, copy, put_sum, replaced, scaled_by
-from dlo_planner.geometry.so3 import matrix, put_matrix, times, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.convergence import (
     Minimum,
@@ -174,38 +174,8 @@ def next_to(gtol, ctol, check, held):
 @kernel
 def within(options, frames, before, base, nodes, most):
     """Return the Options of a DLO that may not turn far from how it hung in another gripper."""
-    return replaced(options, 'nodes', nodes, 'frames', _carried(frames, before, base, nodes),
+    return replaced(options, 'nodes', nodes, 'frames', carried_frames(frames, before, base, nodes),
                     'max_rotation', most)
-
-
-@kernel
-def _carried(frames, before, base, nodes):
-    """Return the frames (k, 3, 3) of nodes as the gripper carries them from `before` to `base`."""
-    turn = times_transposed(matrix(base), matrix(before))
-    carried = np.empty((nodes.size, 3, 3))
-    for k in range(nodes.size):
-        put_matrix(times(turn, matrix(frames[nodes[k]])), carried[k])
-    return carried
-
-
-@kernel
-def largest_turn_between(frames: Floats, others: Floats, base: Floats, other_base: Floats,
-                         nodes: Ints) -> float:
-    """Return the largest rotation in rad, in the gripper, of some nodes (k,) between two shapes."""
-    carried = _carried(frames, base, other_base, nodes)
-    least = 3.0
-    for k in range(nodes.size):
-        least = min(least, _trace(others[nodes[k]], carried[k]))
-    return np.arccos(min(max(0.5 * (least - 1.0), -1.0), 1.0))
-
-
-@kernel
-def _trace(a, b):
-    """Return the trace of a b^T."""
-    total = 0.0
-    for i in range(3):
-        total += a[i, 0] * b[i, 0] + a[i, 1] * b[i, 1] + a[i, 2] * b[i, 2]
-    return total
 
 
 @kernel
@@ -215,7 +185,7 @@ def _left(options, rotations):
         return False
     least = 1.0 + 2.0 * np.cos(options.max_rotation)
     for k in range(options.nodes.size):
-        if _trace(rotations[options.nodes[k]], options.frames[k]) < least:
+        if trace_of_product(rotations[options.nodes[k]], options.frames[k]) < least:
             return True
     return False
 

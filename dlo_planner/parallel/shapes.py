@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dlo_planner.direct.memory import mapped
+from dlo_planner.direct.discretization import mapped
 from dlo_planner.direct.shape import Contact, Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats, Ints

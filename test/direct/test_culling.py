@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet
 from dlo_planner.direct import statics
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
+from dlo_planner.direct.discretization import Memory
 from dlo_planner.direct.integrator import Scheme
-from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.stepper import Acceptance, Stepper
 
 UP = (0, 0, 1)
