@@ -189,12 +189,21 @@ class ContactProblem:
         guess = self._guess(force)
         if rolling:
             guess = _off_the_nodes(guess, self.s)
-        shape = self.simulator.solve(guess.gripper, guess)
+        shape = self._reached(guess)
         off = np.linalg.norm(shape.frame_at(self.s)[1] - self.family.place)
         same = (abs(self.force_of(shape, self.s) - force) <= _SAME_FORCE * force
                 and off <= _SAME_PLACE * shape.s[-1])
         kept = shape.converged and same and self.demands.violation(self.waypoint(shape)) is None
         return shape if kept else None
+
+    def _reached(self, guess: Shape) -> Shape:
+        """Return the Shape that the direct simulator finds near one on another mesh.
+
+        First as if nothing rubbed: friction would hold what the other mesh is off by.
+        """
+        if any(one.friction for one in self.simulator.obstacles):
+            guess = self.simulator.with_friction(0.0).solve(guess.gripper, guess)
+        return self.simulator.solve(guess.gripper, guess)
 
     def nearest_confirmed(self, force: float) -> tuple[float, Shape] | None:
         """Return the admissible force nearest to one that is confirmed, with its Shape, or None."""
@@ -289,7 +298,7 @@ class ContactProblem:
         """Return Infeasible because the direct simulation confirms no admissible force."""
         best = max((shape for force, shape in self.family.known.items() if self.merit(force) > 0),
                    key=lambda shape: shape.stability)
-        reached = self.simulator.solve(best.gripper, best)
+        reached = self._reached(best)
         off, broken = apart(reached, best), self.demands.violation(self.waypoint(reached))
         why = ('the direct simulation with its own discretization confirms none of the admissible '
                'contact forces; a finer one may; the DLO would be ')
