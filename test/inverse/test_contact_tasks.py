@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Holding a contact, and sliding along it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from sweeps.contact import MESHES, energies, family, held_or_refused, random_contact, scan
@@ -18,8 +20,11 @@ from dlo_planner import (
     Trajectory,
 )
 from dlo_planner.inverse.contact_family import STABLE, ContactFamily
-from dlo_planner.inverse.tasks.contact import LEAST_FORCE, MOST_FORCE, PRESSED
+from dlo_planner.inverse.continuation import Passing
+from dlo_planner.inverse.tasks import contact
+from dlo_planner.inverse.tasks.contact import LEAST_FORCE, MOST_FORCE, PRESSED, StraightSlide
 from dlo_planner.plan.clearance import clearance
+from dlo_planner.progress import Progress
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 BAR = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)
@@ -352,3 +357,36 @@ def test_refusals():
     error = caught.value
     assert error.constraint == 'contact' and 0 < error.amount < 0.05
     assert error.waypoint == 2 and len(error.plan) == 2
+
+
+class Falling(StraightSlide):
+    """Slides a DLO of 1 m that falls where 0.37 of the way are gone, before it touches at 0.5 m."""
+
+    def __init__(self):
+        self.simulator = SimpleNamespace(rod=SimpleNamespace(length=1.0))
+        self.problem = SimpleNamespace(demands=SimpleNamespace(progress=Progress()))
+        self.tried = []
+
+    def _gone(self, shape):
+        return shape.gone
+
+    def _touches_at(self, shape, s):
+        return 0.7 - 0.1 * shape.gone
+
+    def _at(self, gone, before):
+        self.tried.append((before.gone, gone))
+        return SimpleNamespace(gone=gone, converged=True, jumped=before.gone < 0.37 < gone,
+                               since=before)
+
+
+def test_what_falls_is_sought_from_the_last_shape_before(monkeypatch):
+    monkeypatch.setattr(contact, 'apart', lambda one, other: 0.1)
+    slide = Falling()
+    assert slide.at(Passing(SimpleNamespace(gone=0.0), depth=0.3), 0.5) is None
+    fell = next(k for k, (_, gone) in enumerate(slide.tried) if gone > 0.37)
+    reached = max(gone for _, gone in slide.tried[:fell])
+    for begin, gone in slide.tried[fell + 1:]:
+        assert begin == reached
+        reached = max(reached, gone if gone < 0.37 else 0.0)
+    assert 0.37 - 1e-5 < reached < 0.37 and len(slide.tried) < 25  # of 36 to the last digits
+    assert slide._ended[0] == 'continuity'

@@ -462,6 +462,7 @@ _ARC_ERROR = 1e-6     # of the length: how exactly an arc length touches
 _HOP = 5e-3       # of the length: so far a contact may hop where it passes a node
 _TRIALS = 60
 _SAME = 1e-10     # of the way: places that are one
+_FALL = 1e-5      # of the way: near a fall the place that touches goes with its root
 
 
 class _Trial(NamedTuple):
@@ -505,7 +506,9 @@ class StraightSlide(AlignedSlide):
         trial = self._guess(before, gone, touching, target)
         for _ in range(_TRIALS if near.left > _ARC_ERROR * length else 0):
             self.problem.demands.progress.check()
-            shape = self._at(trial, before.shape)
+            # a fall costs the less, the shorter the way to it
+            falls = far is not None and np.isnan(far.left)
+            shape = self._at(trial, near.shape if falls else before.shape)
             left = sign * (self._touches_at(shape, target) - target)
             tested = _Trial(trial, left if shape.converged and not shape.jumped else np.nan, shape)
             if abs(tested.left) <= _ARC_ERROR * length:
@@ -515,7 +518,8 @@ class StraightSlide(AlignedSlide):
             else:
                 far, before_that = tested, near
             trial = _next(near, far, before_that)
-            if far is not None and abs(far.gone - near.gone) < _SAME:
+            if far is not None and abs(far.gone - near.gone) < (
+                    _FALL if np.isnan(far.left) else _SAME):
                 break
         return self._hopped(near, far, target, before)
 
@@ -566,8 +570,8 @@ class StraightSlide(AlignedSlide):
         length = self.simulator.rod.length
         if abs(left) <= _HOP * length:  # from one side of a node to the other
             return self.passing(shape, length - target).after(before)
-        if far is not None and np.isnan(far.left) and not np.isnan(
-                self._touches_at(far.shape, target)):
+        if far is not None and np.isnan(far.left) and (
+                far.shape.jumped or not np.isnan(self._touches_at(far.shape, target))):
             self._ended = ('continuity', apart(far.shape, near.shape), 'the DLO would fall '
                            f'into another shape before it touches at s = {target:.4g} m')
         else:
