@@ -31,6 +31,7 @@ from dlo_planner import (
     fit_rod,
     solve_many,
 )
+from dlo_planner.direct.accuracy import discretization_errors
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import closest_point_in_element
@@ -49,7 +50,6 @@ from dlo_planner.minimize.active_set import update_active_set
 from dlo_planner.minimize.contact_solver import predictor_corrector, solve_contact
 from dlo_planner.minimize.contact_table import kkt_residual, touching, update_friction
 from dlo_planner.minimize.convergence import gradient_noise
-from dlo_planner.minimize.expected_error import discretization_errors
 from dlo_planner.minimize.newton import follow_homotopy, newton_descent
 from dlo_planner.minimize.response import (
     gripper_answers,

@@ -580,7 +580,7 @@ _NEAR = 0.3  # of an element: a node nearer to a jump moves there
 _DIGITS = 8  # of a bend in rad over the length that count
 
 
-def even_mesh(length: float, elements: int, breaks: Floats | tuple[()] = ()) -> Floats:
+def even_mesh(length: float, elements: int, breaks: Floats) -> Floats:
     """Return nodes (elements + 1,): between jumps equal elements, about as long everywhere."""
     if not len(breaks) or len(breaks) + 1 > elements:
         s = np.arange(elements + 1.0) * np.float64(length / elements)
@@ -596,22 +596,20 @@ def even_mesh(length: float, elements: int, breaks: Floats | tuple[()] = ()) -> 
     return np.append(np.concatenate(pieces), length)
 
 
-def graded_mesh(s: Floats, strains: Floats, elements: int,
-                breaks: Floats | tuple[()] = ()) -> Floats:
+def graded_mesh(s: Floats, strains: Floats, elements: int, breaks: Floats) -> Floats:
     """Return nodes that share out evenly the error of arcs with strains (N, 3)."""
     known = np.round(strains * s[-1], _DIGITS) / s[-1]  # a mesh is not graded to rounding errors
     return nodes_at(s, equidistribute(np.diff(s), known), elements, breaks)
 
 
-def nodes_at(s: Floats, shares: Floats, elements: int,
-             breaks: Floats | tuple[()] = ()) -> Floats:
+def nodes_at(s: Floats, shares: Floats, elements: int, breaks: Floats) -> Floats:
     """Return nodes (elements + 1,), and those of jumps, between which `shares` rise alike."""
     nodes = np.interp(np.arange(elements + 1.0) * (1.0 / elements), shares, s)
     nodes[0], nodes[-1] = 0.0, s[-1]
     return with_breaks(nodes, breaks)
 
 
-def with_breaks(s: Any, breaks: Floats | tuple[()]) -> Floats:
+def with_breaks(s: Any, breaks: Floats) -> Floats:
     """Return nodes with one at each jump: a near one moves there, else one is added."""
     nodes: Floats = s
     if not len(breaks) or np.isin(breaks, s).all():

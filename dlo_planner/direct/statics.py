@@ -537,14 +537,14 @@ def reach_of(mesh: Discretization, spanned: float) -> float:
 
 
 def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, memory: Memory | None = None,
-             far_end: FarEnd | None = None, *, culled: bool = False) -> Shape:
+             far_end: FarEnd | None = None) -> Shape:
     """Return the Shape of a Minimum; `memory` is what the step began with."""
     if mesh.surroundings.pinned:
         gripper = Pose.from_rotation(gripper.position, found.system.base)
     end = solution_of(found, gripper)
     if mesh.surroundings.has_moments:
         end.wrench[3:] -= mesh.moments.sum(axis=0)
-    return shape_from(mesh, gripper, end, memory, far_end, culled or mesh.hangs, found.evaluations)
+    return shape_from(mesh, gripper, end, memory, far_end, mesh.hangs, found.evaluations)
 
 
 def solution_of(found: Minimum, gripper: Pose, ended: bool = True) -> Solution:

@@ -46,13 +46,11 @@ def _strains_of(system, q, strains):
 @kernel
 def at_elements(basis, q):
     """Return the unknowns q (m, 3) at all elements (N, 3): q itself, or the series' values."""
-    values = q
-    if basis.shape[1]:
-        values = np.zeros((basis.shape[0], 3))
-        for e in range(basis.shape[0]):
-            for j in range(basis.shape[1]):
-                for i in range(3):
-                    values[e, i] += basis[e, j] * q[j, i]
+    if basis.shape[1] == 0:
+        return q
+    values = np.empty((basis.shape[0], 3))
+    for e in range(basis.shape[0]):
+        values[e, 0], values[e, 1], values[e, 2] = value_at(basis, q, e)
     return values
 
 

@@ -173,31 +173,31 @@ def row(name: str, value: Any, error: type[Exception] = InvalidTask, *, least: i
     return values
 
 
-def vector(name: str, value: Any, size: int, error: type[Exception] = InvalidTask) -> Floats:
-    """Return `value` as a new float array of shape (size,), all finite, or raise `error`."""
+def vector(name: str, value: Any, size: int) -> Floats:
+    """Return `value` as a new float array of shape (size,), all finite, or raise InvalidTask."""
     if (type(value) is np.ndarray and value.dtype == float and value.shape == (size,)
             and all(-_EXTREME <= one <= _EXTREME for one in value.tolist())):
         return np.array(value)
-    return array(name, value, (size,), error)
+    return array(name, value, (size,))
 
 
-def direction(name: str, value: Any, error: type[Exception] = InvalidTask) -> Floats:
-    """Return a vector (3,) of any length but zero as a new unit vector, or raise `error`."""
-    value = vector(name, value, 3, error)
+def direction(name: str, value: Any) -> Floats:
+    """Return a vector (3,) of any length but zero as a new unit vector, or raise InvalidTask."""
+    value = vector(name, value, 3)
     size = np.abs(value).max()
     if size == 0:
-        raise error(f'{name} = {value.tolist()}: expected a vector that is not zero')
+        raise InvalidTask(f'{name} = {value.tolist()}: expected a vector that is not zero')
     value = value / size
     unit: Floats = value / np.linalg.norm(value)
     return unit
 
 
-def integer(name: str, value: Any, error: type[Exception] = InvalidTask, *, minimum: int,
-            maximum: int) -> int:
-    """Return `value` as an int in [minimum, maximum], or raise `error`."""
+def integer(name: str, value: Any, *, minimum: int, maximum: int) -> int:
+    """Return `value` as an int in [minimum, maximum], or raise InvalidTask."""
     whole = isinstance(value, int | np.integer) and is_number(value)
     if not whole or not minimum <= value <= maximum:
-        raise error(f'{name} = {shown(value)}: expected an integer from {minimum} to {maximum}')
+        raise InvalidTask(f'{name} = {shown(value)}: expected an integer from {minimum} to '
+                          f'{maximum}')
     return int(value)
 
 
@@ -209,10 +209,10 @@ def choice(name: str, value: object, options: Iterable[str],
     return value
 
 
-def flag(name: str, value: object, error: type[Exception] = InvalidTask) -> bool:
-    """Return `value` as a bool if it is one, or raise `error`."""
+def flag(name: str, value: object) -> bool:
+    """Return `value` as a bool if it is one, or raise InvalidTask."""
     if not isinstance(value, bool | np.bool_):
-        raise error(f'{name} = {shown(value)}: expected True or False')
+        raise InvalidTask(f'{name} = {shown(value)}: expected True or False')
     return bool(value)
 
 
@@ -226,32 +226,33 @@ def instance(name: str, value: object, kinds: type | tuple[type, ...],
 
 
 @overload
-def items(name: str, value: object, kinds: type[_Kind], error: type[Exception] = InvalidTask, *,
+def items(name: str, value: object, kinds: type[_Kind], *,
           least: int = 0) -> tuple[_Kind, ...]: ...
 
 
 @overload
-def items(name: str, value: object, kinds: tuple[type, ...],
-          error: type[Exception] = InvalidTask, *, least: int = 0) -> tuple[Any, ...]: ...
+def items(name: str, value: object, kinds: tuple[type, ...], *,
+          least: int = 0) -> tuple[Any, ...]: ...
 
 
-def items(name: str, value: object, kinds: type | tuple[type, ...],
-          error: type[Exception] = InvalidTask, *, least: int = 0) -> tuple[Any, ...]:
+def items(name: str, value: object, kinds: type | tuple[type, ...], *,
+          least: int = 0) -> tuple[Any, ...]:
     """Return an iterable of instances of `kinds` as a tuple of `least` items or more, or raise."""
     if isinstance(value, NO_SEQUENCE) or not isinstance(value, Iterable):
-        raise error(f'{name} = {shown(value)}: expected a sequence of {_named(kinds)}')
+        raise InvalidTask(f'{name} = {shown(value)}: expected a sequence of {_named(kinds)}')
     try:
         result = tuple(islice(value, _MOST + 1))
     except Exception:  # whatever its iteration raises
-        raise error(f'{name} = {shown(value)}: expected a sequence of {_named(kinds)}') from None
+        raise InvalidTask(
+            f'{name} = {shown(value)}: expected a sequence of {_named(kinds)}') from None
     if len(result) > _MOST:
-        raise error(f'{name} = {shown(value)}: expected at most {_MOST} of {_named(kinds)}')
+        raise InvalidTask(f'{name} = {shown(value)}: expected at most {_MOST} of {_named(kinds)}')
     if len(result) < least:
-        raise error(f'{name} = {shown(value)}: expected {least} or more of {_named(kinds)}')
+        raise InvalidTask(f'{name} = {shown(value)}: expected {least} or more of {_named(kinds)}')
     if set(map(type, result)) != {kinds}:  # a look at each of many takes a while
         for index, item in enumerate(result):
             if not isinstance(item, kinds):
-                instance(f'{name}[{index}]', item, kinds, error)
+                instance(f'{name}[{index}]', item, kinds)
     return result
 
 
@@ -271,12 +272,12 @@ def _named(kinds: type | tuple[type, ...]) -> str:
 # Values that were computed before: they may be infinite, or nan where they are not known.
 
 
-def figure(name: str, value: object, error: type[Exception] = InvalidTask) -> float:
+def figure(name: str, value: object) -> float:
     """Return a number that was computed as a float: it may be infinite, or nan if not known."""
     if is_number(value):
         with suppress(TypeError, ValueError, OverflowError):
             return float(value)
-    raise error(f'{name} = {shown(value)}: expected a number, infinity or nan')
+    raise InvalidTask(f'{name} = {shown(value)}: expected a number, infinity or nan')
 
 
 def estimate(name: str, function: Any, n: int) -> Callable[[], Floats]:
@@ -290,11 +291,10 @@ def estimate(name: str, function: Any, n: int) -> Callable[[], Floats]:
     return result
 
 
-def results(name: str, value: Any, shape: tuple[int | None, ...],
-            error: type[Exception] = InvalidTask) -> Floats:
+def results(name: str, value: Any, shape: tuple[int | None, ...]) -> Floats:
     """Return an array (..) that was computed; its entries may be infinite, or nan if not known."""
     if (type(value) is np.ndarray and value.dtype == np.float64 and value.ndim == len(shape)
             and all(size is None or size == got
                     for size, got in zip(shape, value.shape, strict=True))):
         return value
-    return _numbers(name, value, shape, error)
+    return _numbers(name, value, shape, InvalidTask)

@@ -112,7 +112,37 @@ class Sphere(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Capsule(Value):
+class _Bar(Value):
+    """Base of what is round about a line: it checks."""
+
+    start: Floats
+    end: Floats
+    radius: float
+    friction: float = 0.0
+
+    if TYPE_CHECKING:
+        def __init__(self, start: ArrayLike, end: ArrayLike, radius: float,
+                     friction: float = 0.0) -> None: ...
+
+    def __post_init__(self) -> None:
+        name = type(self).__name__
+        put(self, start=vector(f'{name}.start', self.start, 3),
+            end=vector(f'{name}.end', self.end, 3),
+            radius=number(f'{name}.radius', self.radius, above=0), friction=_friction(self))
+        size = max(self.radius, np.abs(self.start).max(), np.abs(self.end).max())
+        if np.linalg.norm(self.end - self.start) <= _NO_LENGTH * size:
+            raise InvalidTask(f'{name}.end = {self.end.tolist()}: expected another point than '
+                              'start, apart by more than rounding of their places and the radius '
+                              '(what has one center is a Sphere)')
+        super().__post_init__()
+
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """What it looks like."""
+        return (bar(self.start, self.end, self.radius),)
+
+
+class Capsule(_Bar):
     """A round bar with round ends: all points within `radius` of the line from start to end.
 
     Attributes
@@ -127,31 +157,13 @@ class Capsule(Value):
         Coulomb's coefficient, >= 0.
     """
 
-    start: Floats
-    end: Floats
-    radius: float
-    friction: float = 0.0
-
-    if TYPE_CHECKING:
-        def __init__(self, start: ArrayLike, end: ArrayLike, radius: float,
-                     friction: float = 0.0) -> None: ...
-
-    def __post_init__(self) -> None:
-        put(self, start=vector('Capsule.start', self.start, 3),
-            end=vector('Capsule.end', self.end, 3),
-            radius=number('Capsule.radius', self.radius, above=0), friction=_friction(self))
-        _check_length(self, 'a Sphere has one center')
-        super().__post_init__()
-
     @property
     def solids(self) -> tuple[Solid, ...]:
         """What it looks like."""
-        return (bar(self.start, self.end, self.radius), ball(self.start, self.radius),
-                ball(self.end, self.radius))
+        return (*super().solids, ball(self.start, self.radius), ball(self.end, self.radius))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Cylinder(Value):
+class Cylinder(_Bar):
     """A round bar with flat ends; only a DLO with a round section may touch it.
 
     Attributes
@@ -165,27 +177,6 @@ class Cylinder(Value):
     friction : float
         Coulomb's coefficient, >= 0.
     """
-
-    start: Floats
-    end: Floats
-    radius: float
-    friction: float = 0.0
-
-    if TYPE_CHECKING:
-        def __init__(self, start: ArrayLike, end: ArrayLike, radius: float,
-                     friction: float = 0.0) -> None: ...
-
-    def __post_init__(self) -> None:
-        put(self, start=vector('Cylinder.start', self.start, 3),
-            end=vector('Cylinder.end', self.end, 3),
-            radius=number('Cylinder.radius', self.radius, above=0), friction=_friction(self))
-        _check_length(self, 'a Cylinder without length is none')
-        super().__post_init__()
-
-    @property
-    def solids(self) -> tuple[Solid, ...]:
-        """What it looks like."""
-        return (bar(self.start, self.end, self.radius),)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -336,14 +327,6 @@ OBSTACLES: tuple[type, ...] = get_args(Obstacle)
 
 def _friction(self: Any) -> float:
     return number(f'{type(self).__name__}.friction', self.friction, minimum=0)
-
-
-def _check_length(self: Capsule | Cylinder, why: str) -> None:
-    name = type(self).__name__
-    size = max(self.radius, np.abs(self.start).max(), np.abs(self.end).max())
-    if np.linalg.norm(self.end - self.start) <= _NO_LENGTH * size:
-        raise InvalidTask(f'{name}.end = {self.end.tolist()}: expected another point than start, '
-                          f'apart by more than rounding of their places and the radius ({why})')
 
 
 def _lengths(name: str, value: ArrayLike) -> Floats:

@@ -163,7 +163,7 @@ _LAYERS = 24
 
 
 @cache
-def fibers(kind: str, bore: float = 0.0) -> tuple[Floats, Floats]:
+def fibers(kind: str, bore: float) -> tuple[Floats, Floats]:
     """Return the heights (J, 2) of J fibers over the axes n and b, and their weights (J,).
 
     Elastic bending is exact: the sums of weight times height squared are 1 for both axes, that of

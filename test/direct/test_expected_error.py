@@ -7,10 +7,10 @@ import pytest
 from references.kirchhoff import true_rod
 
 from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner.direct.accuracy import discretization_errors, resampled_means
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.geometry.basis import equidistribute
-from dlo_planner.minimize.expected_error import discretization_errors, resampled_means
 
 PLAIN = Rod(1.0, 1.0, 1.0, 0.7)
 TWISTED = Rod(1.0, 2.0, (1.0, 2.5), 0.5, natural_curvature=(1.0, -2.0), natural_twist=1.5)
