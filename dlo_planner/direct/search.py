@@ -22,16 +22,10 @@ from dlo_planner.energy.terms import hinged
 from dlo_planner.geometry.basis import from_components, orthonormal_basis, to_components
 from dlo_planner.geometry.so3 import jacobians, matrix, plus, put_vector, transposed_applied, vector
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.classic import (
-    SEARCHES,
-    Objective,
-    check_stationary,
-    rounding,
-    saddle_exit_point,
-)
+from dlo_planner.minimize.classic import SEARCHES, Objective, rounding, saddle_exit_point
 from dlo_planner.minimize.contact_solver import constrained_newton
 from dlo_planner.minimize.convergence import Minimum
-from dlo_planner.minimize.newton import MOST_KICKS
+from dlo_planner.minimize.newton import MOST_KICKS, descend
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 
@@ -246,7 +240,7 @@ def described_minimum(mesh: Discretization, system: Problem, strains: Floats,
         iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
         _, gradient = series.value_and_gradient(found.q)
         residual = np.linalg.norm(gradient) / np.hypot(np.linalg.norm(state.q), bend)
-        reached = check_stationary(system, state.q.copy(), TOLERANCE)
+        reached = descend(system, state.q.copy(), TOLERANCE, 0, True)
         kicked = saddle_exit_point(system, reached)
         if kicked is None or kicks >= MOST_KICKS:
             break

@@ -293,7 +293,7 @@ def search(system: Problem, q: Floats, method: str, tolerance: float) -> Minimum
     while True:
         end = SEARCHES[method](problem, q.ravel().copy(), tolerance)
         iterations, evaluations = iterations + end.iterations, evaluations + end.evaluations
-        reached = check_stationary(system, end.q.reshape(q.shape), tolerance)
+        reached = descend(system, end.q.reshape(q.shape), tolerance, 0, True)
         kicked = saddle_exit_point(system, reached)
         if kicked is None or kicks >= MOST_KICKS:
             return Minimum(reached.state, reached.residual, reached.stability, iterations, kicks,
@@ -320,7 +320,7 @@ def approximate(system: Problem, q: Floats, method: str, tolerance: float,
 
 
 def problem_of(system: Problem) -> Objective:
-    """Return the Problem of the potential of a Problem, its unknowns in one row."""
+    """Return the Objective of the potential of a Problem, its unknowns in one row."""
     state: Configuration = new_configuration(system)
 
     def value(flat: Floats) -> float:
@@ -338,11 +338,6 @@ def rounding(system: Problem) -> float:
     """Return the rounding errors of the potential in J, but for those in proportion to it."""
     weight = np.linalg.norm(system.load.pull, axis=1).sum()
     return float(_EPS * (weight * system.lengths.sum() + bending_energy(system)))
-
-
-def check_stationary(system: Problem, q: Floats, tolerance: float) -> Descent:
-    """Return the Descent that ends at q (m, 3), where it begins."""
-    return descend(system, q, tolerance, 0, True)
 
 
 def saddle_exit_point(system: Problem, reached: Descent) -> Floats | None:

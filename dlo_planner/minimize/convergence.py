@@ -86,7 +86,7 @@ def gradient_noise(system: Problem, state: Configuration) -> float:
 
 CONVERGED = 1e-8   # residual that is promised
 TOUCHING = 1e-7    # the same in contact: stiff springs multiply rounding errors
-_BLURRED = 1e-5    # a residual that rounding may make larger than this tells nothing
+BLURRED = 1e-5     # a residual that rounding may make larger than this tells nothing
 
 
 @kernel
@@ -111,7 +111,7 @@ def is_stationary(system: Problem, state: Configuration, residual: float,
 @kernel
 def as_rounded(residual: float, noise: float, promised: float) -> bool:
     """Whether a residual is as small as promised, or as the `noise` that rounding may leave."""
-    return residual < max(promised, noise) and noise < _BLURRED
+    return residual < max(promised, noise) and noise < BLURRED
 
 
 SETTLED = 1e-8  # decrement that is promised

@@ -60,6 +60,7 @@ from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
 from dlo_planner.geometry.record import Record, copy, put_sum, replaced, scaled_by
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.convergence import (
+    BLURRED,
     Minimum,
     gradient_noise,
     relative,
@@ -119,7 +120,6 @@ _NEXT = 0.05         # rad, of any node: what may follow from a step of a motion
 _NEXT_HELD = 0.3     # the same, of a step of two grips
 _SAME = 2e-5         # rad: a step that changes the Hessian of a held DLO by about as little
 _MISSED = 0.08       # of the length: a grip that is farther away has not moved a little
-_BLURRED = 1e-5      # a residual that rounding may make larger than this tells nothing
 # grips
 _GIVE = 1e-2         # of the length: how far a grip gives under the DLO's own forces, at most
 _FAR = 0.1           # of the length: so far from its target it gives as much
@@ -318,7 +318,7 @@ def newton_descent(system: Problem, q: Floats, options: Options,
         converged = missed <= ctol and residual < max(gtol, noisy)
         arrived = converged or stalled or iterations >= options.maxiter
         if near and (missed > _MISSED * length or arrived
-                     and (noisy > _BLURRED or not (converged or stalled))):
+                     and (noisy > BLURRED or not (converged or stalled))):
             residual = np.inf
             break
         if arrived and not check:
