@@ -29,7 +29,7 @@ from dlo_planner import (
     replay,
 )
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import PlanStatus, truncate
+from dlo_planner.plan.plan import PER_WAYPOINT, PlanStatus, truncate
 from dlo_planner.progress import Progress
 from dlo_planner.results import ValidationReport
 from dlo_planner.trajectory import calm_search, shaping
@@ -508,9 +508,7 @@ def test_the_simulation_agrees():
     task = tasks('wire')[-1]
     direct, plan = cell('wire')
     first = int(np.searchsorted(plan.times, task.leg.knots[0]))
-    part = replace(plan, stops=(), **{name: getattr(plan, name)[first:] for name in (
-        'depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times', 'via_points',
-        'clearances', 'insertion_force', 'clearance')})
+    part = replace(plan, stops=(), **{name: getattr(plan, name)[first:] for name in PER_WAYPOINT})
     path = GripperPath(part.times, (task.leg,))
     shape = direct.solve(part.grippers[0], part.shapes[0])
     laws = shaped(task, 0.7)
