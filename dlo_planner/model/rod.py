@@ -15,7 +15,7 @@ from dlo_planner.errors import InvalidRod
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, number, row, shown
 from dlo_planner.model.section import MODELS, MODULI, SIZES, Section
-from dlo_planner.model.value import Value, brief, put
+from dlo_planner.model.value import FrozenDict, Value, brief, put
 from dlo_planner.model.varying import (
     VARYING,
     Along,
@@ -474,11 +474,23 @@ def _arm(rod: Rod, size: float, mass: float, radius: float | None, center: float
 BACK = np.array([1.0, -1.0, 1.0])  # strains, seen along the DLO in the other direction
 
 
-def before(rod: Rod, end: float) -> Rod:
-    """Return the Rod from 0 to `end` (m), without what is fixed to it beyond."""
-    return replace(rod, length=end, tip_mass=rod.tip_mass if end == rod.length else 0.0,
-                   nodes=tuple(s for s in rod.nodes if s <= end),
-                   point_masses=tuple((s, mass) for s, mass in rod.point_masses if s <= end))
+def before(rod: Rod, end: float, carried: float = 0.0) -> Rod:
+    """Return the Rod from 0 to `end` (m), without what is fixed to it beyond.
+
+    carried: part of the masses at `end` that something else carries.
+    """
+    part = replace(rod, length=end, tip_mass=(1 - carried) * rod.tip_mass if end == rod.length
+                   else 0.0, nodes=tuple(s for s in rod.nodes if s <= end),
+                   point_masses=tuple((s, mass * (1 - carried if s == end else 1))
+                                      for s, mass in rod.point_masses if s <= end))
+    return _profiled(part, rod, 0.0)
+
+
+def _profiled(part: Rod, rod: Rod, begin: float) -> Rod:
+    """Return a part of a Rod, from `begin` (m) on, that knows its Profiles: a new look is slow."""
+    put(part, _profiles=FrozenDict({name: profile.part(begin, begin + part.length)
+                                    for name, profile in rod._profiles.items()}))
+    return part
 
 
 def of_length(rod: Rod, length: float) -> Rod:
@@ -504,7 +516,8 @@ def part_of_rod(rod: Rod, at: float, direction: int) -> Rod:
                for name in ('mass_per_length', 'natural_twist', 'bending_stiffness',
                             'torsional_stiffness', 'radius') if callable(getattr(rod, name))}
     nodes = tuple(abs(s - at) for s in rod.nodes if (s - at) * direction > 0)
-    return replace(rod, length=length, point_masses=tuple(masses), nodes=nodes,
+    part = replace(rod, length=length, point_masses=tuple(masses), nodes=nodes,
                    tip_mass=rod.tip_mass if direction > 0 else 0.0,
                    natural_curvature=Mapped(curvature, signs, at, direction)
                    if callable(curvature) else tuple(signs * curvature), **changed)
+    return _profiled(part, rod, at) if direction > 0 else part

@@ -228,6 +228,18 @@ class Profile(Value):
     def _second(self) -> Any:
         return self._first.antiderivative()
 
+    def part(self, begin: float, end: float) -> Profile:
+        """Return the Profile between two arc lengths (m), which begins at the first of them."""
+        edges, width = np.clip(self.edges, begin, end) - begin, np.diff(self.edges)
+        inside = np.diff(edges) > 0
+        share = ((edges[:-1, None] + begin - self.edges[:-1, None] + np.diff(edges)[:, None] * _AT)
+                 / width[:, None])[inside]
+        values = np.einsum('mpi,ij,mjk->mpk', share[..., None] ** np.arange(_POINTS), _POWERS,
+                           self.values[inside])
+        room = _ONE_PLACE * (end - begin)
+        breaks = self.breaks[(self.breaks > begin + room) & (self.breaks < end - room)]
+        return Profile(np.append(edges[:-1][inside], end - begin), values, breaks - begin)
+
     def means(self, s: Floats) -> Floats:
         """Return the means (N, k) over the elements between nodes `s` (N + 1,)."""
         result: Floats = np.diff(self._first(s), axis=0) / np.diff(s)[:, None]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import InvalidRod, Rod
+from dlo_planner.model.rod import before, part_of_rod
 from dlo_planner.model.varying import Expanded, resolved, smooth
 
 
@@ -144,3 +145,27 @@ def test_a_long_series_is_looked_at(rng):
     means = rod.natural_strains(s)[:, 1:]
     assert means == pytest.approx(np.array([content(one) for one in s]), abs=1e-9)
     assert len(rod._profiles['natural_curvature'].edges) > 257
+
+
+@pytest.mark.parametrize('cut', [lambda rod: before(rod, 0.7),
+                                 lambda rod: part_of_rod(rod, 0.3, 1)])
+def test_a_part_of_a_dlo_is_known_from_the_whole(cut):
+    asked = []
+
+    def graded(s):
+        asked.append(s)
+        return (1 + s) ** 2 if s < 0.41 else 5.0
+
+    whole = Rod(1.0, graded, ((0, 2.0), (0.5, 1.0), (0.5, 3.0), (1, 3.0)), graded,
+                natural_curvature=lambda s: (np.sin(3 * s), 0.2))
+    assert whole.breaks == pytest.approx([0.41, 0.5])
+    asked.clear()
+    part, s = cut(whole), np.array([0, 0.1, 0.2, 0.35, 0.7])
+    known = part.mean_stiffnesses(s), part.node_masses(s), part.mean_natural_strains(s), part.breaks
+    assert len(asked) < 50  # of 8000 where it is looked at
+    alone = Rod(part.length, part.mass_per_length, part.bending_stiffness,
+                part.torsional_stiffness, natural_curvature=part.natural_curvature)
+    looked_at = (alone.mean_stiffnesses(s), alone.node_masses(s), alone.mean_natural_strains(s),
+                 alone.breaks)
+    for one, other in zip(known, looked_at, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6)

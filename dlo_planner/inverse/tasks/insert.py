@@ -170,11 +170,7 @@ class Insertion(Family):
         for s, _ in whole.point_masses:
             if abs(s - end) <= _AT_END * whole.length:
                 end = s
-        rod = before(whole, end)
-        if not carried:
-            return rod
-        masses = tuple((s, mass * (1 - carried if s == end else 1)) for s, mass in rod.point_masses)
-        return replace(rod, tip_mass=rod.tip_mass * (1 - carried), point_masses=masses)
+        return before(whole, end, carried)
 
     def too_far(self, before: Passing, after: Passing, step: float) -> float:
         """Return by how much (m) a step is longer than one that needs no look between."""
