@@ -202,8 +202,8 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     for level, steps in groupby(plan.steps):
         left, size = 2 * len(list(steps)), 1 << (HALVINGS - level)
         scheme = plan.scheme(stepper.dt, level + 1)
-        if made and not now.row.touched:
-            now = finer.renewed(now, scheme.dt)
+        if made:
+            now = finer.resized(now, scheme.dt)
         while left:
             places = (at + size * np.arange(1, min(left, MOST) + 1)) / (2 << HALVINGS)
             batch = finer.steps(now, (), places, scheme, Acceptance())
@@ -232,7 +232,7 @@ def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) ->
     for halvings in range(1, _SHORTER + 1):
         parts = 1 << halvings
         brief = scheme._replace(dt=scheme.dt / parts)
-        begun = now if now.row.touched else stepper.renewed(now, brief.dt)
+        begun = stepper.resized(now, brief.dt)
         last = begun
         for at in now.place + (place - now.place) * np.arange(1, parts + 1) / parts:
             batch = stepper.steps(last, (), np.array([at]), brief, Acceptance())
@@ -240,7 +240,7 @@ def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) ->
                 break
             last = batch.last
         if batch.refused is None:
-            last = last if last.row.touched else stepper.renewed(last, scheme.dt)
+            last = stepper.resized(last, scheme.dt)
             return batch._replace(kept=[last] if place == round(place) else [], last=last)
     return batch._replace(errors=np.zeros(0))
 
@@ -413,12 +413,10 @@ class _StepControl:
         plan, stepper = self._plan, self._stepper
         scheme = plan.scheme(stepper.dt, level)
         now, budget = self.now, self._budget.copy()
-        if self._steps and self._steps[-1] != level and not now.row.touched:
-            fresh = stepper.renewed(now, scheme.dt)
-            gained = fresh.balance - now.balance
-            if gained <= max(self._began - now.balance, 0.0) + self._noise:  # else it is made up
+        if self._steps and self._steps[-1] != level:
+            fresh = stepper.resized(now, scheme.dt)
+            if credit_renewal(budget, fresh.balance, self._began, self._noise):
                 now = fresh
-                credit_renewal(budget, now.balance, self._began)
         limits = Acceptance(
             MAX_ITERATIONS if patient else _PATIENCE,
             np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance, _GAIN,

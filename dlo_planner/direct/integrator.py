@@ -68,6 +68,9 @@ from dlo_planner.model.arrays import Bools, Floats, Ints
 PAST = 2  # rows before that of now: places of the nodes alone, which tell how exact a step is
 
 _PER_STEP = 0.5      # of the energy that a motion may still gain
+AFTER = 4            # steps since an impact until the scheme is as ever
+_LANDING = 1e-6      # of the length: what comes nearer to an obstacle by more in a step lands there
+_CALMS = 12          # steps by implicit Euler's and AFTER others, to calm down what makes energy
 _EXACT = 1e-4        # relative error of an eigenvalue
 ELASTIC, STATIC, KINETIC, WORK, POWER, DAMPED, DISSIPATED, RUBBED, PUSHED = range(9)
 
@@ -107,7 +110,8 @@ class StepOptions(Record):
     gain: float       # part of the energy that has moved which may be gained,
     noise: float      # and J in addition
     began: float      # J, energy balance when the motion began
-    any_error: bool   # whether a step may have any local error once the DLO has touched an obstacle
+    any_error: bool   # whether a step may have any local error where the DLO bears on an obstacle
+    follows: bool     # whether steps are short enough to follow vibrations
 
 
 class StepBuffer(Record):
@@ -137,7 +141,8 @@ class StepBuffer(Record):
                           # the grips; lost by damping, plasticity, friction; PUSHED: what contacts
                           # did along the chords of steps
     converged: Bools      # (r,)
-    touched: Bools        # (r,) whether the DLO has touched an obstacle so far
+    impulsive: Ints       # (r,) how many steps more are not by the scheme itself, after an impact
+    stirred: Bools        # (r,) whether it bears, or has and steps were not exact since
     reactions: Floats     # (r, K) forces of the far end's grip
     plastic: Floats       # (r, N, J) plastic strain
     node_forces: Floats   # (r, M, N + 1)
@@ -155,8 +160,8 @@ class StepBuffer(Record):
 
 @kernel
 def integrate(system: Problem, full: Problem, culled: bool, how: SchemeCoefficients,
-              impact: SchemeCoefficients, buffer: StepBuffer, budget: Floats,
-              options: StepOptions, guess: Floats) -> int:
+              after: SchemeCoefficients, impact: SchemeCoefficients, buffer: StepBuffer,
+              budget: Floats, options: StepOptions, guess: Floats) -> int:
     """Fill rows of a StepBuffer as long as each step is good; return the row of the last good one.
 
     The row after that, if there is one, is of a step that is not, unless the buffer says `stopped`.
@@ -164,14 +169,15 @@ def integrate(system: Problem, full: Problem, culled: bool, how: SchemeCoefficie
     Args:
         system, full: Problem of the DLO at rest, and with all that may act; culled: whether
             `system` is without, and steps end where something acts
-        how, impact: of the scheme, and of an implicit Euler's: once the DLO has touched an obstacle
-            forces may be impulses, of which a scheme that carries accelerations would make energy
+        how, impact, after: of the scheme; of an implicit Euler's, for steps in which something
+            lands, since of an impulse a scheme that carries accelerations would make energy; of
+            one of second order that forgets within few steps what quick vibrations impacts leave
         budget: (5,) of the motion so far: least balance, least and most potential energy, most
             kinetic energy, last balance, J; renewed
         guess: (N, 3) strains with which the first search begins, 1/m; (0, 3): extrapolated
     """
     for row in range(PAST + 1, buffer.times.size):
-        _take_step(system, how, impact, buffer, row, options, guess)
+        _take_step(system, how, after, impact, buffer, row, budget, options, guess)
         if culled:
             buffer.stopped[1] = may_act(full.effects, full, buffer.bends[0, row],
                                         buffer.nodes[0, row], buffer.nodes[0, row - 1])
@@ -182,17 +188,53 @@ def integrate(system: Problem, full: Problem, culled: bool, how: SchemeCoefficie
 
 
 @kernel
-def _take_step(system, how, impact, buffer, row, options, guess):
-    """Fill a row, by `impact` once the DLO has touched an obstacle."""
-    touched = buffer.touched[row - 1]
-    buffer.touched[row] = touched
-    if how.gamma == 1.0 or not touched:
-        _solve_step(system, how, buffer, row, options, guess)
-        account(system, how, how, buffer, row, options)
-    if how.gamma != 1.0 and (touched or buffer.starts[1, row + 1] > buffer.starts[1, row]):
-        buffer.touched[row] = True
-        _solve_step(system, impact, buffer, row, options, guess)
-        account(system, impact, how, buffer, row, options)
+def _bears(buffer, row):
+    """Whether the DLO bears on an obstacle in a row."""
+    return buffer.starts[1, row + 1] > buffer.starts[1, row]
+
+
+@kernel
+def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
+    """Fill a row: by `impact` where something lands, by `after` in a few steps after that.
+
+    Also by `impact` where contacts have stirred up what is too quick for the step, and `how` would
+    make energy of it or cannot be solved.
+    """
+    left, trial = buffer.impulsive[row - 1], budget.copy()
+    if how.gamma == 1.0 or left <= AFTER:
+        buffer.impulsive[row] = max(left - 1, 0)
+        scheme = after if left > 1 else how
+        _solve_step(system, scheme, buffer, row, options, guess)
+        account(system, scheme, how, buffer, row, options)
+        if how.gamma == 1.0 or not (_bears(buffer, row) or buffer.stirred[row - 1]):
+            return
+        if options.follows and not _lands(system, how, buffer, row):
+            if left > 0:
+                credit_renewal(trial, _balance(buffer.energies[row]), options.began, options.noise)
+            good = buffer.converged[row] and is_good(buffer, row, trial, options)
+            if good or not options.any_error:  # a shorter step may be good
+                budget[:] = trial if good else budget
+                return
+            left = _CALMS
+    buffer.impulsive[row] = 1
+    _solve_step(system, impact, buffer, row, options, guess)
+    account(system, impact, how, buffer, row, options)
+    buffer.impulsive[row] = 1 + AFTER if _lands(system, how, buffer, row) else max(left - 1, AFTER)
+
+
+@kernel
+def _lands(system, how, buffer, row):
+    """Whether a contact in a row is of a point that was still coming when the step began."""
+    farthest = _LANDING * np.sum(system.lengths)
+    for a in range(buffer.starts[1, row], buffer.starts[1, row + 1]):
+        contact, e = buffer.contacts[a], buffer.contact_of[a, 1]
+        part, speed = contact[0] / system.lengths[e], 0.0
+        for i in range(3):
+            speed += contact[4 + i] * ((1.0 - part) * buffer.nodes[1, row - 1, e, i]
+                                       + part * buffer.nodes[1, row - 1, e + 1, i])
+        if how.dt * speed < -farthest:
+            return True
+    return False
 
 
 @kernel
@@ -202,7 +244,7 @@ def _solve_step(system, how, buffer, row, options, guess):
     if guess.shape[0] and row == PAST + 1 and implicit_step(system, how, buffer, row, row - 1,
                                                             guess, options, check):
         return
-    ahead = _guess(how, buffer.bends, row, 0.0 if buffer.touched[row] else 1.0)
+    ahead = _guess(how, buffer.bends, row, 0.0 if buffer.impulsive[row] else 1.0)
     if implicit_step(system, how, buffer, row, row - 1, ahead, options, check):
         return
     if buffer.node_forces.shape[1] and not buffer.stopped[0]:
@@ -214,10 +256,21 @@ def _solve_step(system, how, buffer, row, options, guess):
 @kernel
 def is_good(buffer, row, budget, options):
     """Whether a step is exact enough and gains no energy; if so, `budget` has it."""
-    error = buffer.proofs[row, 2]
-    return ((error <= options.error or buffer.touched[row] and options.any_error)
-            and _pushes_little(buffer, row, budget, options)
+    return (_is_exact(buffer, row, options) and _pushes_little(buffer, row, budget, options)
             and within_energy_budget(budget, buffer.energies[row], options.gain, options.noise))
+
+
+@kernel
+def _is_exact(buffer, row, options):
+    """Whether the local error of a step is small enough.
+
+    Where the DLO bears it may be any, and until it is small for the first time after that (which is
+    entered in the row).
+    """
+    exact = buffer.proofs[row, 2] <= options.error
+    buffer.stirred[row] = _bears(buffer, row) or buffer.impulsive[row] > 0 or (
+        buffer.stirred[row - 1] and not exact)
+    return exact or options.any_error and buffer.stirred[row]
 
 
 @kernel
@@ -248,8 +301,7 @@ def within_energy_budget(budget: Floats, energies: Floats, part: float, noise: f
     A step may use up half of what the motion may still gain, a `part` of the energy that has moved
     and `noise`, J: were it all, no later one could go on, however short it is.
     """
-    balance = (energies[KINETIC] + energies[STATIC] - energies[WORK] - energies[PUSHED]
-               + lost(energies))
+    balance = _balance(energies)
     left = allowed_gain(budget, energies, part, noise) - (budget[4] - budget[0])
     if not balance - budget[4] <= max(_PER_STEP * left, 0.0):
         return False
@@ -268,16 +320,28 @@ def allowed_gain(budget: Floats, energies: Floats, part: float, noise: float) ->
     return most
 
 
-def credit_renewal(budget: Floats, balance: float, began: float) -> None:
+@kernel
+def credit_renewal(budget: Floats, balance: float, began: float, noise: float) -> bool:
     """Enter that the rates of an instant are renewed: what that adds is no gain of a step.
 
-    As far as steps before have lost it. So a motion never has more than there was and was done.
+    As far as steps before have lost it. So a motion never has more than there was and was done. If
+    it is more (but for `noise`, J) it is made up: return False.
 
     Shapes: budget (5,).
     """
-    spent = max(began - budget[4], 0.0)
-    budget[0] = min(budget[0] + min(max(balance - budget[4], 0.0), spent), balance)
+    gained, spent = max(balance - budget[4], 0.0), max(began - budget[4], 0.0)
+    if gained > spent + noise:
+        return False
+    budget[0] = min(budget[0] + min(gained, spent), balance)
     budget[4] = balance
+    return True
+
+
+@kernel
+def _balance(energies):
+    """Return the energy that is there, less what was put in, plus what was taken out, J."""
+    return (energies[KINETIC] + energies[STATIC] - energies[WORK] - energies[PUSHED]
+            + lost(energies))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -419,7 +483,7 @@ def _unobstructed(problem, how, q, buffer, row, memory, options, check):
             problem, q, next_to(tolerance, options.ctol, check, held), work)
     if residual == np.inf:  # it is not near
         _take_back(problem.effects.hold, buffer, memory)
-        if options.nearby and not buffer.touched[row]:
+        if options.nearby and not buffer.impulsive[row]:
             _less_potential(how, buffer.bends, row, problem, state, q)
         for attempt in range(2):  # without forces of inertia that are in the way; with them
             state, residual, stability, more, _, missed = minimize(
@@ -752,7 +816,7 @@ def _without_force(how, course, row):
     """Return position and velocity at the end of a step that feels no force (anchor)."""
     position, velocity = np.empty((course.shape[2], 3)), np.empty((course.shape[2], 3))
     dt = how.dt
-    carries = 0.0 if how.beta == 1.0 else 1.0  # an implicit Euler's step knows no accelerations
+    carries = 0.0 if how.gamma == 1.0 else 1.0  # an implicit Euler's step knows no accelerations
     for k in range(position.shape[0]):
         for i in range(3):
             mean = carries * course[3, row - 1, k, i]
@@ -790,10 +854,10 @@ class Scheme(NamedTuple):
     slow ones are hardly damped. 'paper' is Eq. 8 to 10: constant acceleration over a step, taken at
     its end; as a Newmark method beta = 1/2, gamma = 1, of first order, and it damps: a vibration of
     angular frequency w loses the part w dt / 4 of its amplitude per radian. 'euler' is the implicit
-    one.
+    one, 'annihilating' a generalized alpha that leaves nothing of the fastest vibrations.
     """
 
-    name: str  # of INTEGRATORS, or 'euler'
+    name: str  # of INTEGRATORS, or 'euler' or 'annihilating'
     dt: float  # s
 
     def coefficients(self, damping: tuple[float, float], masses: Floats) -> SchemeCoefficients:
@@ -802,8 +866,9 @@ class Scheme(NamedTuple):
         alpha_m, alpha_f, beta, gamma = 0.0, 0.0, 1.0, 1.0
         if self.name == 'paper':
             beta = 0.5
-        elif self.name == 'generalized_alpha':
-            alpha_m, alpha_f = (2 * _HIGH - 1) / (_HIGH + 1), _HIGH / (_HIGH + 1)
+        elif self.name != 'euler':
+            high = _HIGH if self.name == 'generalized_alpha' else 0.0
+            alpha_m, alpha_f = (2 * high - 1) / (high + 1), high / (high + 1)
             beta, gamma = 0.25 * (1 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f
         # The scheme's position differs from Taylor's series of the true one by (1/6 - beta
         # - (alpha_f - alpha_m) / 2) dt^3 d3x/dt3. Accelerations are no measure of it: they are

@@ -21,6 +21,7 @@ import numpy as np
 from dlo_planner.direct.boundary_motion import BoundaryMotion
 from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.direct.integrator import (
+    AFTER,
     DAMPED,
     DISSIPATED,
     ELASTIC,
@@ -60,6 +61,7 @@ MOST = 64            # steps of a batch: after them a deadline is looked at
 _POINTS = 24         # contacts a step for which there is room at first
 _ROUNDING = 1e-17    # of the residual, per inertia's strength relative to elasticity's
 _ROUGHEST = 1e-7
+_FOLLOWED = 0.2      # of the DLO's own time: shorter steps follow vibrations
 _AT_FIRST = 0.1      # of a step: it may be halved yet
 _BRIEF = 1e-1, 1e-3  # of a step, of the DLO's own time: how long it is watched
 _BRIEFEST = 3e-5     # of that time: of what is watched for less rounding errors would count
@@ -80,7 +82,8 @@ class Row(NamedTuple):
     evaluations: Any
     energies: Floats
     converged: Any
-    touched: Any
+    impulsive: Any
+    stirred: Any
     reactions: Floats
     plastic: Floats
     node_forces: Floats
@@ -94,7 +97,7 @@ class Row(NamedTuple):
         """Return a copy of row k: of many, few are kept."""
         points, contacts = (slice(*one[k:k + 2]) for one in buffer.starts)
         arrays: list[Any] = [buffer.nodes[:, k].copy(), buffer.bends[:, k].copy()]
-        arrays += [np.array(getattr(buffer, name)[k]) for name in cls._fields[2:14]]
+        arrays += [np.array(getattr(buffer, name)[k]) for name in cls._fields[2:15]]
         arrays += [buffer.point_of[points].copy(), buffer.points[points].copy(),
                    buffer.contact_of[contacts].copy(), buffer.contacts[contacts].copy()]
         row = cls(*arrays)
@@ -130,6 +133,13 @@ class TimePoint:
         """(N + 1, 3) of the nodes, m/s."""
         result: Floats = self.row.nodes[1]
         return result
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing but what acts on all DLOs has left anything that acts."""
+        row = self.row
+        return self.free or not (len(row.contacts) or row.node_forces.any() or row.plastic.any()
+                                 or row.points[:, 0].any())
 
     @property
     def balance(self) -> float:
@@ -172,7 +182,7 @@ class Acceptance(NamedTuple):
     part: float = 0.0               # of the energy that has moved, which a motion may gain,
     noise: float = np.inf           # and J in addition
     budget: Floats = np.zeros(5)    # as of `integrate`
-    touched: bool = False           # whether any error is good since an obstacle was touched
+    any_in_contact: bool = False    # whether any error is good where it bears on an obstacle
     began: float = 0.0              # J, balance when the motion began
 
 
@@ -223,7 +233,7 @@ class Stepper:
     def hangs_from(self, now: TimePoint) -> bool:
         """Return whether nothing that may act does so at a TimePoint, nor has."""
         mesh = self.discretization
-        if self.grips.far_end is not None or not mesh.may_hang or not (mesh.hangs or now.free):
+        if self.grips.far_end is not None or not mesh.may_hang or not (mesh.hangs or now.idle):
             return False
         return mesh.hangs or not acts_at(mesh, now.row.bends[0], now.positions, now.positions)
 
@@ -251,12 +261,11 @@ class Stepper:
                 (buffer.times[PAST] - k * scheme.dt, now.positions) for k in (2, 1)]):
             buffer.times[row], buffer.nodes[0, row] = time, positions
         how, options = self.coefficients(scheme), self._options(scheme, limits)
-        if how.gamma != 1.0 and len(now.row.contacts):
-            buffer.touched[PAST] = True
         system, budget = self._problem(culled), limits.budget.copy()
         if self.method == 'newton':
-            impact = self.coefficients(Scheme('euler', scheme.dt))
-            last = integrate(system, self.discretization.full, culled, how, impact, buffer,
+            after, impact = (self.coefficients(Scheme(name, scheme.dt))
+                             for name in ('annihilating', 'euler'))
+            last = integrate(system, self.discretization.full, culled, how, after, impact, buffer,
                              budget, options, guess)
         else:
             last = self._integrated(system, how, buffer, budget, options, guess)
@@ -264,7 +273,7 @@ class Stepper:
         end = last if stopped else min(last + 1, PAST + places.size)
         if stopped and last == PAST:
             return None
-        free = culled or self.discretization.hangs
+        free = now.free and (culled or self.discretization.hangs)
 
         def instant(row: int) -> TimePoint:
             return TimePoint(float(where[row]), Row.of(buffer, row), self, free, how,
@@ -322,8 +331,8 @@ class Stepper:
         left, count = shape.state.history or mesh.start, len(shape.contacts)
         row = Row(nodes, bends, shape.frames, shape.gripper_wrench, shape.far_wrench,
                   np.array([shape.residual, shape.stability, 0.0, shape.violation]),
-                  shape.iterations, shape.evaluations, energies, shape.converged, False, left.hold,
-                  left.plastic, left.node_force, np.column_stack(left.points[:2]),
+                  shape.iterations, shape.evaluations, energies, shape.converged, 0, False,
+                  left.hold, left.plastic, left.node_force, np.column_stack(left.points[:2]),
                   np.column_stack(left.points[2:]), np.zeros((count, 2), dtype=np.int64),
                   np.zeros((count, 12)))
         shape = replace(shape, state=replace(shape.state, estimate=_NOT_ESTIMATED))
@@ -340,6 +349,15 @@ class Stepper:
         """
         return self._with_rates(now, dt, True)
 
+    def resized(self, now: TimePoint, dt: float) -> TimePoint:
+        """Return a TimePoint from which steps go on that are now of dt (s).
+
+        Where contacts stir it up rates are renewed by the steps themselves, as after an impact.
+        """
+        if len(now.row.contacts) or now.row.stirred:
+            return replace(now, row=now.row._replace(impulsive=max(now.row.impulsive, AFTER)))
+        return self.renewed(now, dt)
+
     def _with_rates(self, now: TimePoint, dt: float, going: bool) -> TimePoint:
         """Return a TimePoint with consistent accelerations; if `going`, velocities, too."""
         short = max(_BRIEF[0] * dt, _BRIEFEST * self.own_time)
@@ -351,8 +369,8 @@ class Stepper:
                          going, self._options(brief, Acceptance(), _AT_ONCE))
         energies = now.row.energies.copy()
         energies[[KINETIC, POWER]] = buffer.energies[PAST, [KINETIC, POWER]]
-        row = now.row._replace(nodes=buffer.nodes[:, PAST].copy(),
-                               bends=buffer.bends[:, PAST].copy(), energies=energies)
+        row = now.row._replace(nodes=buffer.nodes[:, PAST].copy(), energies=energies,
+                               bends=buffer.bends[:, PAST].copy(), impulsive=0)
         freeze(row)
         return replace(now, row=row, given=now.shape)
 
@@ -373,7 +391,7 @@ class Stepper:
 
     def guess(self, now: TimePoint, dt: float) -> Floats:
         """Return the strains (N, 3) with which the search for those dt (s) later begins."""
-        return _extrapolated(now.row.bends, dt, 0 if now.row.touched else 1)
+        return _extrapolated(now.row.bends, dt, 0 if now.row.impulsive else 1)
 
     def rounding(self, scheme: Scheme) -> float:
         """Return how large a residual rounding errors may leave."""
@@ -396,7 +414,8 @@ class Stepper:
             TOLERANCE + rounding, rounding, float(exact * mesh.s[-1]), float(KEPT * mesh.s[-1]),
             limits.patience, self.nearby, mesh.spring if end is None else mesh.held_spring, share,
             end is not None and end.grip == 'sleeve', float(limits.error), limits.part,
-            limits.noise, limits.began, limits.touched)
+            limits.noise, limits.began, limits.any_in_contact,
+            scheme.dt < _FOLLOWED * self.own_time)
 
     @cached_property
     def _far_end(self) -> FarEnd | None:
@@ -415,26 +434,30 @@ class Stepper:
             course[:, PAST] = one
         frames, energies = np.empty((rows, *now.frames.shape)), np.zeros((rows, 9))
         frames[PAST], energies[PAST] = now.frames, now.energies
-        touched = np.zeros(rows, dtype=bool)
-        touched[PAST] = now.touched
+        impulsive = np.zeros(rows, dtype=np.int64)
+        stirred = np.zeros(rows, dtype=bool)
+        impulsive[PAST], stirred[PAST] = now.impulsive, now.stirred
         # zeros: steps without what may act leave nothing of it
         left = [np.zeros((rows, *shape)) for shape in (
             (ends[3].shape[1],), mesh.start.plastic.shape, mesh.start.node_force.shape)]
         for kept, one in zip(left, (now.reactions, now.plastic, now.node_forces), strict=True):
             if one.shape == kept.shape[1:]:
                 kept[PAST] = one
-        count = len(now.points)
-        room = count + places.size * self._room if mesh.obstructed else 0
+        room = places.size * self._room if mesh.obstructed else 0
         starts = np.zeros((2, rows + 1), dtype=np.int64)
-        index, points = np.zeros((room, 2), dtype=np.int64), np.empty((room, 14))
-        if mesh.obstructed:
-            starts[0, PAST + 1] = count
-            index[:count], points[:count] = now.point_of, now.points
+        indices, values = [], []
+        for kind, (index, value) in enumerate(((now.point_of, now.points),
+                                               (now.contact_of, now.contacts))):
+            count = len(value) if mesh.obstructed else 0
+            starts[kind, PAST + 1] = count
+            indices.append(np.zeros((count + room, 2), dtype=np.int64))
+            values.append(np.empty((count + room, *value.shape[1:])))
+            indices[-1][:count], values[-1][:count] = index[:count], value[:count]
         return StepBuffer(
             times, *grips, *ends, *courses, frames, np.empty((rows, 6)), np.zeros((rows, 6)),
             np.empty((rows, 4)), np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=np.int64),
-            energies, np.zeros(rows, dtype=bool), touched, *left, starts, index, points,
-            np.zeros((room, 2), dtype=np.int64), np.empty((room, 12)), np.zeros(2, dtype=bool))
+            energies, np.zeros(rows, dtype=bool), impulsive, stirred, *left, starts, indices[0],
+            values[0], indices[1], values[1], np.zeros(2, dtype=bool))
 
     def _ends(self, places: Floats, origins: Floats) -> tuple[Floats, ...]:
         """Return targets, axes, twists, rows and reach of the far end's grip at places (n,)."""

@@ -24,7 +24,7 @@ from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record, copy, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_solver import COARSER, predictor_corrector, solve_contact
-from dlo_planner.minimize.contact_table import touching, with_contacts
+from dlo_planner.minimize.contact_table import Touching, touching, with_contacts
 from dlo_planner.minimize.convergence import is_stationary
 from dlo_planner.minimize.newton import (
     HELD_NEUTRAL,
@@ -315,19 +315,19 @@ def _contacts_after(contact: Any, system: Problem, state: Configuration, origin:
     inside = 0.0
     if contact.scene.kind.size:
         inside = penetration_of_point(translated(contact.scene, np.zeros(3)), origin)
-    return (forces_after(system, state, origin, ended), contact_rows(system, state),
+    table = touching(contact.scene, contact.contacts, system.lengths, state)
+    return (forces_after(system, state, table, origin, ended), contact_rows(system, state, table),
             max(0.0, inside))
 
 
 @kernel
-def contact_rows(system: Problem, state: Configuration) -> Any:
+def contact_rows(system: Problem, state: Configuration, table: Touching) -> Any:
     """Return of A contacts: obstacle, element, m along it, place, normal, force, friction, gap.
 
     Places (A, 3) are relative to the gripper; friction (A, 3) is that on the DLO. A node and a
     point that has rolled to it are one.
     """
     scene, lengths = system.effects.contact.scene, system.lengths
-    table = touching(scene, system.effects.contact.contacts, lengths, state)
     count = table.gap.size
     along, places, friction = np.empty(count), np.empty((count, 3)), np.zeros((count, 3))
     rotation = np.empty((3, 3))
@@ -354,13 +354,25 @@ def contact_rows(system: Problem, state: Configuration) -> Any:
 
 
 @kernel
-def forces_after(system: Problem, state: Configuration, origin: Floats, ended: bool) -> Any:
+def forces_after(system: Problem, state: Configuration, table: Touching, origin: Floats,
+                 ended: bool) -> Any:
     """Return the forces on nodes (M, N + 1), N, and the points inside elements and of friction.
 
-    What slid sticks from now on to where it has come to, if the step has `ended`; the last array
-    (C, 3) tells by how much.
+    What does not bear any more leaves none. What slid sticks from now on to where it has come to,
+    if the step has `ended`; the last array (C, 3) tells by how much.
     """
     contacts = system.effects.contact.contacts
+    node, multiplier = np.zeros_like(contacts.node), contacts.multiplier.copy()
+    for c in range(multiplier.size):
+        if contacts.obstacle[c] >= 0:
+            multiplier[c] = 0.0
+    for a in range(table.gap.size):
+        # below zero a multiplier holds back the spring of a point that does not bear
+        o, k, c = table.obstacle[a], table.element[a] + 1, table.inside[a]
+        if c < 0:
+            node[o, k] = max(contacts.node[o, k], 0.0)
+        else:
+            multiplier[c] = max(contacts.multiplier[c], 0.0)
     anchor, shear, slid = contacts.anchor + origin, contacts.shear.copy(), np.zeros_like(
         contacts.anchor)
     rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
@@ -380,10 +392,8 @@ def forces_after(system: Problem, state: Configuration, origin: Floats, ended: b
             away = x[i] - contacts.anchor[c, i]
             slid[c, i] = out * contacts.normal[c, i] if sticks else away
             anchor[c, i] += slid[c, i]
-    # below zero a multiplier holds back the spring of a point that does not bear
-    return (np.maximum(contacts.node, 0.0), contacts.element, contacts.obstacle,
-            np.maximum(contacts.multiplier, 0.0), contacts.fraction, anchor, contacts.normal,
-            shear, slid)
+    return (node, contacts.element, contacts.obstacle, multiplier, contacts.fraction, anchor,
+            contacts.normal, shear, slid)
 
 
 # ------------------------------------------------------------------------------------------------
