@@ -30,7 +30,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import freeze
-from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
+from dlo_planner.plan.builder import PlanBuilder, refusal_for_accuracy, refusal_for_leap
 from dlo_planner.plan.continuity import apart, excess, largest_turn, without_doubt
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
@@ -400,7 +400,8 @@ class GivenPoses(Family):
         shape = step.passing.shape
         if not shape.converged:
             left = [pose.position for pose in self.poses[len(builder.waypoints):]]
-            return builder.refusal('equilibrium', float(np.linalg.norm(
+            inexact = refusal_for_accuracy(self.simulator, builder, shape)
+            return inexact or builder.refusal('equilibrium', float(np.linalg.norm(
                 np.diff(left, axis=0), axis=1).sum()) if len(left) > 1 else 0.0,
                 'no stable shape is found')
         if shape.jumped and builder.waypoints:

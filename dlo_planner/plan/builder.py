@@ -17,7 +17,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.checks import Judge, utilization, violated
-from dlo_planner.plan.continuity import discontinuity
+from dlo_planner.plan.continuity import SAME, apart, discontinuity, same
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import (
     Plan,
@@ -163,12 +163,27 @@ def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[floa
                 yield_utilization=np.array(used or [np.nan] * len(waypoints)))
 
 
+def refusal_for_accuracy(simulator: DirectSimulator, builder: PlanBuilder,
+                         shape: Shape) -> Infeasible | None:
+    """Return Infeasible if a Shape is an equilibrium that misses only the accuracy, else None."""
+    accuracy = simulator.accuracy
+    if accuracy is None or not shape.nearly or not shape.error_estimate > accuracy:
+        return None
+    return builder.refusal('accuracy', shape.error_estimate - accuracy, 'the DLO is in '
+                           'equilibrium there, but its shape is known with an error of '
+                           f'{shape.error_estimate:.3g} m, accuracy = {accuracy:g} m is asked for')
+
+
 def refusal_for_leap(simulator: DirectSimulator, builder: PlanBuilder,
                      shape: Shape) -> Infeasible | None:
     """Return Infeasible if the next waypoint of a PlanBuilder cannot have this Shape, else None."""
-    away = discontinuity(simulator, builder.last, shape)
-    if not away:
+    reached = discontinuity(simulator, builder.last, shape)
+    if reached is None:
         return None
+    inexact = refusal_for_accuracy(simulator, builder, reached)
+    if inexact is not None and same(reached, shape):
+        return inexact
+    away = max(apart(reached, shape), SAME * shape.s[-1])
     if not builder.waypoints:
         why = ('set down there in its natural shape' if builder.last is None
                else 'brought there from its initial shape')

@@ -18,7 +18,7 @@ from dlo_planner.model.pose import Pose, angle_between
 _Number = TypeVar('_Number', float, Floats)
 _QUIET = 0.1   # rad: a change of shape, besides the gripper's turn, that needs no second look
 _STABLE = 0.1  # stability at both ends of a step, without which the DLO may fall between them
-_SAME = 1e-3   # of the length: farther apart, two shapes are not the same
+SAME = 1e-3    # of the length: farther apart, two shapes are not the same
 # What a step of the gripper may be: a constant and a part per depth, both relative to the length.
 # Of 500 random plans 99 % stay below half of the rates; a fold exceeds any.
 _TURN, _TURN_RATE = 0.05, 10.0
@@ -55,8 +55,8 @@ def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float
     return length * max(0.0, turn - largest_turn(step), shift - largest_shift(step))
 
 
-def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape) -> float:
-    """Return how far (m) the DLO is from `shape` when the gripper goes there; 0 if it takes it.
+def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape) -> Shape | None:
+    """Return the Shape that is found when the gripper goes to that of `shape`; None if it is that.
 
     The direct simulation decides where the shape changes more than the gripper's turn causes, or is
     hardly stable.
@@ -66,11 +66,9 @@ def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape
     else:
         if (min(before.stability, shape.stability) > _STABLE
                 and _follows(before, shape, shape_change(before, shape))):
-            return 0.0
+            return None
         reached = simulator.track([shape.gripper], initial=before)[0]
-    if reached.converged and not reached.jumped and same(reached, shape):
-        return 0.0
-    return float(max(apart(reached, shape), _SAME * shape.s[-1]))
+    return None if reached.converged and not reached.jumped and same(reached, shape) else reached
 
 
 def _follows(before: Shape, shape: Shape, change: float) -> bool:
@@ -81,7 +79,7 @@ def _follows(before: Shape, shape: Shape, change: float) -> bool:
 
 def same(one: Shape, other: Shape) -> bool:
     """Whether two Shapes in the same gripper, on any meshes, are the same."""
-    return bool(apart(one, other) < _SAME * one.s[-1])
+    return bool(apart(one, other) < SAME * one.s[-1])
 
 
 def apart(one: Shape, other: Shape) -> float:

@@ -16,10 +16,12 @@ from dlo_planner import (
     DirectSimulator,
     FarEnd,
     Infeasible,
+    Insert,
     InvalidTask,
     InverseSimulator,
     Pose,
     Rod,
+    Thread,
     Uncertainty,
     Workspace,
     robustness,
@@ -27,6 +29,7 @@ from dlo_planner import (
 from dlo_planner.inverse.equilibria import is_axisymmetric
 from dlo_planner.inverse.tasks.thread import certificate
 from dlo_planner.rods import GraspedInside
+from dlo_planner.tasks import MoveTo
 
 ROD = Rod(1.0, 0.05, 0.3, 0.25, radius=0.002)
 HOLE = CutOut(Pose.looking_along((1.0, 0.0, 1.0), (1, 0.2, 0)), radius=0.02)
@@ -157,3 +160,16 @@ def test_a_refusal_of_two_cut_outs_says_how_many_shapes_pass_both():
     told = pickle.loads(pickle.dumps(refused.value)).certificate
     assert 'no stable one passes both' in told
     assert float(re.search(r'by ([\d.e-]+) m', told).group(1)) > 0
+
+
+@pytest.mark.parametrize('task', [
+    Thread(HOLE, [0.0, 0.2]), MoveTo([Pose((0.1, 0, 0), (0, 0, 0, 1))]),
+    Insert(CutOut(HOLE.pose, radius=2e-3), [0.0, 0.2])], ids=lambda task: type(task).__name__)
+def test_a_shape_that_misses_only_the_accuracy_is_said_to(task):
+    # no stable shape was found, it was said, or that the DLO falls into another
+    wire = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+    inverse = InverseSimulator(DirectSimulator(wire, accuracy=1e-9))
+    with pytest.raises(Infeasible, match='in equilibrium there') as refused:
+        inverse.plan(task, start=Pose.identity())
+    assert refused.value.constraint == 'accuracy' and refused.value.unit == 'm'
+    assert 0 < refused.value.amount < 1e-9

@@ -33,7 +33,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, number, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
-from dlo_planner.plan.builder import PlanBuilder
+from dlo_planner.plan.builder import PlanBuilder, refusal_for_accuracy
 from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import apart, gripper_motion
 from dlo_planner.plan.plan import Plan
@@ -299,6 +299,9 @@ class ContactProblem:
         best = max((shape for force, shape in self.family.known.items() if self.merit(force) > 0),
                    key=lambda shape: shape.stability)
         reached = self._reached(best)
+        inexact = refusal_for_accuracy(self.simulator, builder, reached)
+        if inexact is not None:
+            return inexact
         off, broken = apart(reached, best), self.demands.violation(self.waypoint(reached))
         why = ('the direct simulation with its own discretization confirms none of the admissible '
                'contact forces; a finer one may; the DLO would be ')

@@ -43,7 +43,7 @@ from dlo_planner.model.rod import Rod, before
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import put
 from dlo_planner.plan.bore import insertion_force
-from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
+from dlo_planner.plan.builder import PlanBuilder, refusal_for_accuracy, refusal_for_leap
 from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import gripper_motion
 from dlo_planner.plan.goal_rows import ROTATION, GoalTable
@@ -192,9 +192,10 @@ class Insertion(Family):
             return builder.refusal('stability', -shape.stability, 'the DLO would not stay in the '
                                    f'shape; stability {shape.stability:.3g}', '')
         if not shape.converged:
-            return builder.refusal('equilibrium', builder.step, 'the equilibrium was not found '
-                                   f'exactly: residual {shape.residual:.3g}, off the mouth by '
-                                   f'{shape.violation:.3g} m')
+            inexact = refusal_for_accuracy(self.simulator, builder, shape)
+            return inexact or builder.refusal(
+                'equilibrium', builder.step, 'the equilibrium was not found exactly: residual '
+                f'{shape.residual:.3g}, off the mouth by {shape.violation:.3g} m')
         if shape.jumped:
             off = float(np.linalg.norm(shape.positions[-1] - self._bore.center))
             return builder.refusal('continuity', off, 'the DLO would fall out of the shape that is '
