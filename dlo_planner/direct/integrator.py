@@ -40,6 +40,7 @@ from dlo_planner.energy.terms import (
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record, copy, replaced
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.contact_table import touching
 from dlo_planner.minimize.convergence import SETTLED, decrement_of
 from dlo_planner.minimize.hessian import (
     LEAST_SHIFT,
@@ -70,6 +71,7 @@ PAST = 2  # rows before that of now: places of the nodes alone, which tell how e
 _PER_STEP = 0.5      # of the energy that a motion may still gain
 AFTER = 4            # steps since an impact until the scheme is as ever
 _LANDING = 1e-6      # of the length: what comes nearer to an obstacle by more in a step lands there
+_GRAZING = 0.02      # rad: so it may come nearer where it slides along what is curved
 _CALMS = 12          # steps by implicit Euler's and AFTER others, to calm down what makes energy
 _EXACT = 1e-4        # relative error of an eigenvalue
 ELASTIC, STATIC, KINETIC, WORK, POWER, DAMPED, DISSIPATED, RUBBED, PUSHED = range(9)
@@ -225,14 +227,16 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
 @kernel
 def _lands(system, how, buffer, row):
     """Whether a contact in a row is of a point that was still coming when the step began."""
-    farthest = _LANDING * np.sum(system.lengths)
+    nearer = _LANDING * np.sum(system.lengths) / how.dt
     for a in range(buffer.starts[1, row], buffer.starts[1, row + 1]):
         contact, e = buffer.contacts[a], buffer.contact_of[a, 1]
-        part, speed = contact[0] / system.lengths[e], 0.0
+        part, out, square = contact[0] / system.lengths[e], 0.0, 0.0
         for i in range(3):
-            speed += contact[4 + i] * ((1.0 - part) * buffer.nodes[1, row - 1, e, i]
-                                       + part * buffer.nodes[1, row - 1, e + 1, i])
-        if how.dt * speed < -farthest:
+            speed = ((1.0 - part) * buffer.nodes[1, row - 1, e, i]
+                     + part * buffer.nodes[1, row - 1, e + 1, i])
+            out += contact[4 + i] * speed
+            square += speed * speed
+        if out < -nearer - _GRAZING * np.sqrt(square):
             return True
     return False
 
@@ -449,10 +453,16 @@ def _is_blocked(contact, problem, buffer, row, q):
         return False
     if contact.scene.kind.size == 0:
         return False
-    state, origin = new_configuration(problem), buffer.origins[row]
+    state = new_configuration(problem)
     state.q[:] = q
     evaluate(problem, state)
-    old = np.empty_like(state.positions)
+    return _sweeps(problem, buffer, row, state)
+
+
+@kernel
+def _sweeps(problem, buffer, row, state):
+    """Whether an obstacle is between the shape in the row before and a Configuration."""
+    old, origin = np.empty_like(state.positions), buffer.origins[row]
     for k in range(old.shape[0]):
         for i in range(3):
             old[k, i] = buffer.nodes[0, row - 1, k, i] - origin[i]
@@ -462,15 +472,30 @@ def _is_blocked(contact, problem, buffer, row, q):
 
 @kernel
 def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
-    """Seek the minimum from q (m, 3)."""
+    """Seek the minimum from q (m, 3): what is near first, if nothing touches before and after."""
     if contact is None:
         return _unobstructed(problem, how, q, buffer, row, memory, options, check)
     if contact.scene.kind.size == 0:
         return _unobstructed(problem, how, q, buffer, row, memory, options, check)
+    if options.nearby and not _bears(buffer, memory):
+        state, residual, stability, iterations, _, _, missed = newton_descent(
+            problem, q, next_to(options.tolerance, options.ctol, check, is_held(problem)),
+            new_workspace(problem))
+        if residual < np.inf and not _touches(problem, state) and not _sweeps(problem, buffer, row,
+                                                                              state):
+            return state, residual, stability, iterations, problem, missed
+        _take_back(problem.effects.hold, buffer, memory)
     state, residual, stability, iterations, _, loaded, violation = obstructed_minimum(
         problem, q, options.tolerance, options.ctol, options.maxiter, check,
         buffer.nodes[0, memory], buffer.frames[memory, :, :, 0])
     return state, residual, stability, iterations, loaded, violation
+
+
+@kernel
+def _touches(problem, state):
+    """Whether any contact bears at a Configuration."""
+    contact = problem.effects.contact
+    return touching(contact.scene, contact.contacts, problem.lengths, state).gap.size > 0
 
 
 @kernel
