@@ -40,6 +40,7 @@ from dlo_planner.energy.terms import (
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record, copy, replaced
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.active_set import enlarge_active_set
 from dlo_planner.minimize.contact_table import touching
 from dlo_planner.minimize.convergence import SETTLED, decrement_of
 from dlo_planner.minimize.hessian import (
@@ -493,9 +494,12 @@ def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
 
 @kernel
 def _touches(problem, state):
-    """Whether any contact bears at a Configuration."""
+    """Whether any contact bears at a Configuration, or would: between nodes, too."""
     contact = problem.effects.contact
-    return touching(contact.scene, contact.contacts, problem.lengths, state).gap.size > 0
+    if touching(contact.scene, contact.contacts, problem.lengths, state).gap.size > 0:
+        return True
+    _, joins = enlarge_active_set(problem, state)
+    return joins
 
 
 @kernel

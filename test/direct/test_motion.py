@@ -25,7 +25,7 @@ from references.planar_motions import (
 from scipy.spatial.transform import Rotation
 from sweeps.contact import random_slide
 
-from dlo_planner import Capsule, DirectSimulator, FarEnd, InvalidTask, Plane, Pose, Rod
+from dlo_planner import Capsule, DirectSimulator, FarEnd, InvalidTask, Plane, Pose, Rod, Sphere
 from dlo_planner.direct import dynamics
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
 from dlo_planner.direct.integrator import Scheme, within_energy_budget
@@ -462,6 +462,19 @@ def test_a_dlo_that_has_bounced_moves_freely_again():
     assert any(touched) and not any(touched[-15:])
     ours, true = (np.array([shape.positions for shape in one.shapes]) for one in (motion, fine))
     assert np.abs(ours - true).max() < 1e-3
+
+
+def test_what_lands_between_two_nodes_is_noticed_at_once():
+    sphere = Sphere((0.4, 0, 0.28), 0.1)
+    wire = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, damping=(0.0, 5e-4))
+    direct = DirectSimulator(wire, n_elements=24, basis='local', obstacles=[sphere])
+    poses = [Pose((0.05 * np.sin(np.pi * time / 0.2) ** 2, 0, 0.4), (0, 0, 0, 1))
+             for time in np.arange(0, 0.2, 2.5e-3)]
+    motion = direct.simulate(poses, 2.5e-3, direct.solve(poses[0]), tolerance=np.inf)
+    assert motion.converged, motion.message
+    places = [shape.positions_at(np.linspace(0, 1, 97)) for shape in motion.shapes]
+    away = np.linalg.norm(np.array(places) - sphere.center, axis=2)
+    assert away.min() > sphere.radius
 
 
 # ------------------------------------------------------------------------------------------------
