@@ -192,6 +192,21 @@ def test_a_turn_that_no_step_makes_smaller_is_refused(monkeypatch):
     assert (refused.value.waypoint, refused.value.constraint) == (3, 'continuity')
 
 
+def test_a_mass_that_no_share_takes_over_evenly_ends_in_a_refusal(monkeypatch):
+    # the shares were halved without end
+    shape = Insertion._shape
+
+    def leaping(self, outside):
+        found, turned = shape(self, outside), Pose((0, 0, 0), (np.sin(0.5), 0, 0, np.cos(0.5)))
+        light = sum(mass for s, mass in outside.rod.point_masses) < 0.37e-3
+        return replace(found, gripper=found.gripper.compose(turned)) if light else found
+
+    monkeypatch.setattr(Insertion, '_shape', leaping)
+    weighted = replace(WIRE, point_masses=((0.8 * WIRE.length, 1e-3),))
+    with pytest.raises(Infeasible, match='leap'):
+        InverseSimulator(DirectSimulator(weighted)).insert(BORE, depths=[0.0, 0.3])
+
+
 BORE_WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 WEIGHT = BORE_WIRE.mass_per_length * 9.81
 INVERSE = InverseSimulator(DirectSimulator(BORE_WIRE, basis='local', n_elements=32))

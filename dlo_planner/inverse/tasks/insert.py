@@ -52,6 +52,7 @@ from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_at
 
 _PACE = 0.1       # rad plus part of the length: a longer step of a take-over is made in parts
 _NOTHING = 0.01   # the same: a step that is no step
+_LEAST_PART = 1 / 512  # of the masses: what leaps in so small a part of a take-over leaps in any
 _PAUSE = 0.005    # of the length: the way that a part of a take-over counts as
 _AT_END = 1e-12   # of the length
 
@@ -139,7 +140,8 @@ class Insertion(Family):
         masses = sorted(at_tip | {rod.length - s for s, mass in rod.point_masses if mass})
         stops = [_Stop(float(depths[0]), 0.0)]
         first = None if depths[0] else self._shape(self.simulator)
-        if first is not None and first.stability < -NEUTRAL:  # refused there: no take-over matters
+        # where it is refused no take-over matters
+        if not depths[0] and (first is None or first.stability < -NEUTRAL):
             return [_Stop(float(depth), 0.0) for depth in depths]
         for target in depths[1:]:
             for at in masses:
@@ -157,7 +159,7 @@ class Insertion(Family):
             begin.gripper, end.gripper, self.simulator.rod.length)
         if apart < _NOTHING and (one.carried, other.carried) == (0.0, 1.0):
             return []
-        if apart < _PACE:
+        if apart < _PACE or other.carried - one.carried < _LEAST_PART:  # a leap: it is refused
             return [other]
         middle = _Stop(one.depth, 0.5 * (one.carried + other.carried))
         return self._parts(one, middle) + self._parts(middle, other)
