@@ -279,6 +279,10 @@ class Discretization(Value):
         lengths = s[1:] - s[:-1]
         stiffness = rod.mean_stiffnesses(s)
         scale = unknown_scale(self.basis, stiffness, lengths, rod.stiffness)
+        factors = None
+        if rod.varies and self.basis != 'local':  # terms count by the energy that they store
+            factors = np.sqrt((rod.stiffness / stiffness).min(axis=1))
+            scale /= factors[:, None]
         pull = -node_masses(rod, s)[:, None] * around.gravity - node_forces(around, s)
         weight = np.sqrt(np.einsum('ki,ki->k', pull, pull)).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
@@ -287,8 +291,8 @@ class Discretization(Value):
         effects = free_terms(pull)
         put(self, free=Problem(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
-            orthonormal_basis(self.basis, self.n_terms, s), np.eye(3), np.zeros(3), effects,
-            structure_of(effects, s.size), np.zeros((0, 3)), 0.0))
+            orthonormal_basis(self.basis, self.n_terms, s, factors), np.eye(3), np.zeros(3),
+            effects, structure_of(effects, s.size), np.zeros((0, 3)), 0.0))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), tuple(getattr(self, name) for name in self._PARTS)

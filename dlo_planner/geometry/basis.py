@@ -56,11 +56,13 @@ def converging(basis: str) -> str:
     return 'fourier_polynomial' if basis == 'fourier' else basis
 
 
-def orthonormal_basis(basis: str, n_terms: int, s: Floats) -> Floats:
+def orthonormal_basis(basis: str, n_terms: int, s: Floats,
+                      factors: Floats | None = None) -> Floats:
     """Return (N, m): the basis at the middle of the elements, orthonormal with weight h.
 
     N strains are all that N elements can have, so m is n_terms or N, whichever is less: further
-    terms could not be told from the first N, and nothing is lost without them.
+    terms could not be told from the first N, and nothing is lost without them. Its functions are
+    the basis' times `factors` (N,), by which the elements count; None: all alike.
 
     Shapes: s (N + 1,).
     """
@@ -69,7 +71,10 @@ def orthonormal_basis(basis: str, n_terms: int, s: Floats) -> Floats:
     middle = 0.5 * (s[1:] + s[:-1])
     root = np.sqrt(np.diff(s))[:, None]
     terms = min(n_terms, middle.size)
-    q, r = np.linalg.qr(root * _FUNCTIONS[basis](2 * middle / s[-1] - 1, terms))
+    functions = _FUNCTIONS[basis](2 * middle / s[-1] - 1, terms)
+    if factors is not None:
+        functions *= factors[:, None]
+    q, r = np.linalg.qr(root * functions)
     return np.ascontiguousarray(q * np.where(np.diag(r) < 0, -1.0, 1.0) / root)
 
 
