@@ -35,6 +35,13 @@ def interrupted_by(check: Callable[[], object]) -> Iterator[None]:
         _INTERRUPT.reset(token)
 
 
+def look() -> None:
+    """Call the check of `interrupted_by`, if there is one: between steps that may be long."""
+    check = _INTERRUPT.get()
+    if check is not None:
+        check()
+
+
 class Progress:
     """Reports the steps of one computation and ends it at its deadline."""
 

@@ -51,7 +51,7 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import STANDARD_GRAVITY, FarEnd, PointLoad, Surroundings
 from dlo_planner.model.value import Value, brief, figures, put, same
 from dlo_planner.model.varying import stepwise
-from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.progress import OnProgress, Progress, interrupted_by, look
 
 _FARTHEST = 10  # of the length: from where a held far end may be brought
 
@@ -348,11 +348,12 @@ class DirectSimulator(Value):
         shapes = []
         for gripper, end in zip(grippers, ends, strict=True):
             self._check(gripper, initial, end)
-            before = self._settled(initial)
-            if before is None:
-                shape = self._equilibrium(gripper, initial, end)
-            else:
-                shape = self._followed(before, gripper, end)
+            with interrupted_by(steps.check):
+                before = self._settled(initial)
+                if before is None:
+                    shape = self._equilibrium(gripper, initial, end)
+                else:
+                    shape = self._followed(before, gripper, end)
             shapes.append(shape)
             if shape.converged or shape.nearly:  # a failure is reported, not carried on
                 initial = shape
@@ -450,6 +451,7 @@ class DirectSimulator(Value):
     def _step(self, gripper: Pose, initial: Shape | None, far_end: FarEnd | None,
               most: float = np.inf) -> Shape:
         """Return the Shape of a step; `most` as in `step.StepInputs`."""
+        look()  # a pose that is far, or a fall, takes many steps
         how = StepInputs(self._history, far_end, self.method, self.strains, most)
         if self.accuracy is None:
             return step(self._discretization, gripper, initial, how)

@@ -29,7 +29,7 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.progress import OnProgress, Progress, interrupted_by
 
 
 class InverseSimulator(Value):
@@ -124,8 +124,9 @@ class InverseSimulator(Value):
         """
         instance('task', task, Task)
         instance('requirements', requirements, Requirements, optional=True)
-        return task.solve(self._context(task, start, initial, requirements or self.requirements,
-                                        progress))
+        context = self._context(task, start, initial, requirements or self.requirements, progress)
+        with interrupted_by(context.progress.check):
+            return task.solve(context)
 
     def thread(self, cutout: CutOut, *, start: Pose | None = None, initial: Shape | None = None,
                depths: ArrayLike | None = None, method: str = 'coupled',

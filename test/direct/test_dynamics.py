@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, DeadlineExceeded, DirectSimulator, Plane, Pose, Rod
+from dlo_planner.progress import interrupted_by
 
 LEVEL = Pose.identity()
 MASS, STIFFNESS = 0.1, 1.0
@@ -207,6 +208,14 @@ def test_arrays_and_progress():
     assert motion.energy.shape == (4,)
     assert told == [(2, 4), (3, 4), (4, 4)]
     assert motion.shapes[2].error_estimate == np.inf
+
+
+def test_a_deadline_is_looked_at_within_one_pose():
+    simulator = DirectSimulator(Rod(1.0, 0.1, 1.0, 0.7), n_elements=8, n_terms=4)
+    looks = []
+    with interrupted_by(lambda: looks.append(None)):
+        simulator.track([Pose((0, 0, 0), (1, 0, 0, 0.1))], initial=simulator.solve(LEVEL))
+    assert len(looks) > 10  # of two, at the beginning and at the end
 
 
 def test_a_deadline_ends_a_motion():
