@@ -51,6 +51,14 @@ def has_inertia(effect):
 
 
 @kernel
+def inertial_stiffness(effect):
+    """Return how strongly all nodes together are drawn, N/m."""
+    if effect is None:
+        return 0.0
+    return np.sum(effect.weight)
+
+
+@kernel
 def add_forces(effect, system, state):
     """Add dW/dx to `state.pull` and d2W to `state.weight`; return W in J, twice."""
     if effect is None:

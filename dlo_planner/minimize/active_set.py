@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The active set: which points inside elements may touch an obstacle.
 
-It is chosen anew between two minimizations. Where a DLO lies along an obstacle the choice may
-alternate without an end. A set that only grows comes to an end: the exchange method of
-semi-infinite programs (Hettich and Kortanek, SIAM Review 35, 1993), of which a contact is one, a
-condition at every point of the DLO.
+It is chosen anew where forces and shape have been found, and in the first steps of `relaxation`.
+Where a DLO lies along an obstacle the choice may alternate without an end. A set that only grows
+comes to an end: the exchange method of semi-infinite programs (Hettich and Kortanek, SIAM Review
+35, 1993), of which a contact is one, a condition at every point of the DLO.
 
 Some elements bend just as the obstacle does that they bear on. As long as the obstacle's curvature
 is less an element bears at one point, which rolls, and where it is more at both nodes. In a range
@@ -57,7 +57,7 @@ def update_active_set(system, state):
     a point where none was.
     """
     old = system.effects.contact.contacts
-    at, places = _rolled_to(system, state)
+    at, places = rolled_to(system, state)
     inside, fixed = contact_candidates(system, state, places)
     count = inside.shape[0]
     multiplier = np.zeros(count)
@@ -107,7 +107,7 @@ def free_to_roll(system, state, old):
     come to. The middle of an element that bends as the obstacle does, and that alone bears on it,
     is a point that rolls.
     """
-    at, places = _rolled_to(system, state)
+    at, places = rolled_to(system, state)
     node, multiplier, fraction = old.node.copy(), old.multiplier.copy(), old.fraction.copy()
     kept, last = np.ones(at.size, dtype=np.bool_), system.lengths.size
     for c in range(at.size):
@@ -155,7 +155,7 @@ def _taken_from_nodes(system, e, o):
 
 
 @kernel
-def _rolled_to(system, state):
+def rolled_to(system, state):
     """Return the elements (C,) in which the Contacts' points are at `state`, and plus fractions."""
     scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
     at, normal, hessian = contacts.element.copy(), np.empty(3), np.empty((3, 3))
@@ -363,7 +363,7 @@ def enlarge_active_set(system, state):
     bends as the obstacle does replaces a point that rolls in it, with its multiplier.
     """
     old = system.effects.contact.contacts
-    at, places = _rolled_to(system, state)
+    at, places = rolled_to(system, state)
     inside, fixed = contact_candidates(system, state, places)
     kept = np.ones(old.element.size, dtype=np.bool_)
     joins, force = np.zeros(inside.shape[0], dtype=np.bool_), np.zeros(inside.shape[0])

@@ -38,6 +38,10 @@ _FIRST, _LEAST, _MOST = 1e-2, 1e-11, 1e3
 _SHRINK, _SHRINK_FAST, _GROW = 0.1, 1e-3, 10.0
 _QUICK = 2
 _ATTEMPTS, _ITERATIONS = 24, 15
+_PROXIMAL = 1e-5  # of a contact's own compliance: what it yields by at least
+STICKING = 1.0 - 1e-6  # part of its limit that a friction force has not reached
+_FEW, _SWEEPS = 6, 60    # iterations before contacts are solved for in turn, and of that
+_SETTLED = 1e-9          # of the largest force: changes in a sweep that leave nothing to be done
 
 
 class ContactLaws(Record):
@@ -127,13 +131,11 @@ def contact_forces(law, exchanges, iterations):
                                _REFINED if exchanges else 0, change, bears)
     if iterations == 0 or not rubs or known and taken > 0:
         return known, change, bears
-    own = _own_compliance(law)
-    if not np.min(own) > 0.0:
+    unique, compliance, _ = _own_response(law)
+    own = _diagonal(compliance)
+    if not (unique and np.min(own) > 0.0):
         return known, change, bears
-    augmentation = np.ones(count)
-    for a in range(count):
-        if law.first[a + 1] > law.first[a] + 1:
-            augmentation[a] = 1.0 / max(own[law.first[a] + 1], own[law.first[a] + 2])
+    augmentation = _stiffness_along(law, own)
     known, part = False, _FIRST
     change[:] = 0.0
     bears[:] = True
@@ -152,6 +154,155 @@ def contact_forces(law, exchanges, iterations):
         if not _LEAST < part < _MOST:
             break
     return known, change, bears
+
+
+@kernel
+def yielding_forces(law, softness):
+    """Return what `contact_forces` does, where each contact yields by `softness`, m/N.
+
+    Where active sets cycle they are found one contact after another (nonlinear Gauss-Seidel: Jean
+    1999), which converges where the DLO is stable without its contacts.
+    """
+    size, change, bears = law.free.size, np.zeros(law.free.size), law.bears.copy()
+    unique, compliance, free = _own_response(law)
+    proximal = np.empty(size)
+    for i in range(size):
+        proximal[i] = softness + _PROXIMAL * abs(compliance[i, i])
+        compliance[i, i] += proximal[i]
+    taken = 0
+    if unique:
+        unique, taken = _semismooth(law, proximal,
+                                    _stiffness_along(law, np.abs(_diagonal(compliance))), _FEW, 0,
+                                    change, bears)
+    if unique and taken > 0:
+        return _released_stands(law, change, bears), change, bears
+    if not unique:
+        return False, change, bears
+    force = law.force.copy()
+    if not _found_in_turn(law, compliance, free + law.gap, force):
+        return False, change, bears
+    for i in range(size):
+        slip = free[i] - proximal[i] * (force[i] - law.force[i])
+        for k in range(size):
+            slip += compliance[i, k] * (force[k] - law.force[k])
+        change[i] = slip
+    moved = change.copy()
+    for a in range(bears.size):
+        i, n = law.first[a], law.first[a + 1] - law.first[a]
+        bears[a] = force[i] > 0.0
+        for j in range(n):
+            change[i + j] = force[i + j] - law.force[i + j]
+            for k in range(n):
+                change[i + j] += law.spring[a, j, k] * moved[i + k]
+    return _released_stands(law, change, bears), change, bears
+
+
+@kernel
+def _released_stands(law, change, bears):
+    """Whether the DLO is stable without the springs of contacts that do not bear, and that slide.
+
+    H is positive definite with all springs, k along each row. Without those of some rows it is so
+    where I / k - C of these rows is (Sylvester, Haynsworth).
+    """
+    size, count = law.free.size, law.friction.size
+    force, moved = np.empty(size), np.empty(size)
+    _put_response(law, change, force, moved)
+    rows, released = np.zeros((2 * size, size)), 0
+    for a in range(count):
+        i, n = law.first[a], law.first[a + 1] - law.first[a]
+        if not bears[a]:
+            for j in range(n):
+                rows[released, i + j] = 1.0
+                released += 1
+        elif n > 1:
+            limit = law.friction[a] * force[i]
+            along = np.sqrt(force[i + 1] ** 2 + force[i + 2] ** 2)
+            if along >= STICKING * limit and along > 0.0:
+                for j in (i + 1, i + 2):
+                    rows[released, j] = force[j] / along
+                released += 1
+    pivots = np.empty((released, released))
+    for a in range(released):
+        for b in range(a + 1):
+            pivots[a, b] = (1.0 if a == b else 0.0) / law.stiffness
+            for i in range(size):
+                for j in range(size if rows[a, i] != 0.0 else 0):
+                    if rows[b, j] != 0.0:
+                        pivots[a, b] -= rows[a, i] * law.compliance[i, j] * rows[b, j]
+    for a in range(released):  # Cholesky
+        for b in range(a + 1):
+            for c in range(b):
+                pivots[a, b] -= pivots[a, c] * pivots[b, c]
+            if a > b:
+                pivots[a, b] /= pivots[b, b]
+            elif not pivots[a, a] > 0.0:
+                return False
+            else:
+                pivots[a, a] = np.sqrt(pivots[a, a])
+    return True
+
+
+@kernel
+def _found_in_turn(law, compliance, begin, force):
+    """Improve forces (K,), contact by contact; return whether they stay finite.
+
+    Gaps and slips are begin (K,) with those of `law`, and change by the compliance (K, K).
+    """
+    change = np.zeros(force.size)
+    worst = most = np.inf
+    for i in range(force.size):
+        if compliance[i, i] == 0.0:
+            return False
+    for _ in range(_SWEEPS):
+        worst = most = 0.0
+        for a in range(law.friction.size):
+            i = law.first[a]
+            new = max(0.0, force[i] - _row(compliance, i, change, begin) / compliance[i, i])
+            worst, most = max(worst, abs(new - force[i])), max(most, new)
+            force[i], change[i] = new, new - law.force[i]
+            if law.first[a + 1] == i + 1:
+                continue
+            stiffness = 1.0 / (max(compliance[i + 1, i + 1], compliance[i + 2, i + 2])
+                               + abs(compliance[i + 1, i + 2]))
+            one = force[i + 1] - stiffness * _row(compliance, i + 1, change, begin)
+            other = force[i + 2] - stiffness * _row(compliance, i + 2, change, begin)
+            limit, whole = law.friction[a] * new, np.sqrt(one * one + other * other)
+            part = limit / whole if whole > limit else 1.0
+            worst = max(worst, abs(part * one - force[i + 1]), abs(part * other - force[i + 2]))
+            force[i + 1], force[i + 2] = part * one, part * other
+            change[i + 1], change[i + 2] = (force[i + 1] - law.force[i + 1],
+                                            force[i + 2] - law.force[i + 2])
+        if worst <= _SETTLED * most or not worst < np.inf:
+            break
+    return most < np.inf
+
+
+@kernel
+def _row(matrix, i, vector, begin):
+    """Return component i of begin + matrix vector."""
+    total = begin[i]
+    for k in range(vector.size):
+        total += matrix[i, k] * vector[k]
+    return total
+
+
+@kernel
+def _diagonal(matrix):
+    """Return the diagonal (K,) of a matrix."""
+    diagonal = np.empty(matrix.shape[0])
+    for i in range(diagonal.size):
+        diagonal[i] = matrix[i, i]
+    return diagonal
+
+
+@kernel
+def _stiffness_along(law, own):
+    """Return (A,) the tangential stiffness, N/m, of contacts with compliances own (K,)."""
+    stiffness = np.ones(law.friction.size)
+    for a in range(stiffness.size):
+        if law.first[a + 1] > law.first[a] + 1:
+            stiffness[a] = 1.0 / max(own[law.first[a] + 1], own[law.first[a] + 2])
+    return stiffness
 
 
 @kernel
@@ -183,22 +334,26 @@ def _augmentation(law, rubs):
 
 
 @kernel
-def _own_compliance(law):
-    """Return (K,) the diagonal of the compliance without springs, (I - C S)^-1 C; 0: unknown."""
+def _own_response(law):
+    """Return whether they are known, compliance (K, K) and free motion (K,) without springs.
+
+    With springs S a DLO moves by u = free + C load, and its forces change by f = load - S u. So it
+    moves by u = (I - C S)^-1 (free + C f), and (I - C S)^-1 = I + D S with D = (I - C S)^-1 C.
+    """
     size = law.free.size
-    matrix, order, own = np.eye(size), np.empty(size, dtype=np.int64), np.zeros(size)
+    matrix, order = np.eye(size), np.empty(size, dtype=np.int64)
+    compliance, free = law.compliance.copy(), law.free.copy()
     for a in range(law.friction.size):
         i, n = law.first[a], law.first[a + 1] - law.first[a]
         for j in range(n):
             for k in range(n):
                 for r in range(size if law.spring[a, j, k] != 0.0 else 0):
                     matrix[r, i + k] -= law.compliance[r, i + j] * law.spring[a, j, k]
-    if lu_factor(matrix, order) != 0:
-        moves = law.compliance.copy()
-        lu_solve(matrix, order, moves)
-        for i in range(size):
-            own[i] = moves[i, i]
-    return own
+    known = lu_factor(matrix, order) != 0
+    if known:
+        lu_solve(matrix, order, compliance)
+        lu_solve(matrix, order, free.reshape((size, 1)))
+    return known, compliance, free
 
 
 @kernel

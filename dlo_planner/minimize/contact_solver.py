@@ -11,7 +11,9 @@ friction follow from the forces found. What is judged is the residual with these
 has no potential.
 
 Both are needed: between two grips turns often go on without an end, so that forces are sought at
-once from several starts there; but only turns bring out what begins deep inside an obstacle.
+once from several starts there; but only turns bring out what begins deep inside an obstacle. Where
+turns end nowhere, as where friction holds back a fall, the DLO is brought nearer to rest first
+(`minimize.relaxation`).
 """
 
 from __future__ import annotations
@@ -49,6 +51,7 @@ from dlo_planner.minimize.newton import (
     newton_descent,
     thorough,
 )
+from dlo_planner.minimize.relaxation import relax
 from dlo_planner.minimize.semismooth import (
     forces,
     place,
@@ -67,6 +70,9 @@ _EXCHANGES = 6      # of points that bear, with forces at once; then by turns
 _ON_A_WAY = 20      # steps: who allows no more wants no equilibrium
 _BETWEEN_GRIPS = 100  # the same: what is deep inside an obstacle comes out by springs
 _ROUNDS = 100
+_ROUGH = (1e-3, 1e-6, 1e-6)  # how nearly it is brought to rest, and in how many steps
+_MOST = (60, 100, 400)
+_CHOICES = 3        # exchanges, after which points are kept
 _TURN = 12          # rounds in which points are chosen anew, then as many in which they are kept
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
 _STIFFER = 10.0
@@ -162,7 +168,58 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
     set_reaction(hold, reaction)
     state, residual, stability, steps, kicks, loaded, violation = augmented_lagrangian(
         system, q, tolerance, exact, max_iterations, check, previous, _ROUNDS)
+    on_a_way = max_iterations <= (_BETWEEN_GRIPS if is_held(system) else _ON_A_WAY)
+    if not (on_a_way or _rests(loaded, state, residual, stability, violation, tolerance, exact)):
+        left = reaction_of(hold, row_count(system.needs.border))
+        set_reaction(hold, reaction)
+        rests, state_there, residual_there, stability_there, more, loaded_there, violation_there = (
+            _relaxed(system, q, tolerance, exact, check, previous))
+        before += more
+        if rests:
+            return (state_there, residual_there, stability_there, steps + before, kicks,
+                    loaded_there, violation_there)
+        set_reaction(hold, left)
     return state, residual, stability, steps + before, kicks, loaded, violation
+
+
+@kernel
+def _relaxed(system, q, tolerance, exact, check, previous):
+    """Return whether a DLO that is brought nearer to rest first comes to rest, as `_at_once`."""
+    hold, there, begin, steps = system.effects.hold, system, q, 0
+    rests = False
+    for attempt in range(len(_ROUGH)):
+        there, begin, moves, previous = relax(there, begin, previous, attempt == 2,
+                                              _ROUGH[attempt], _MOST[attempt])
+        steps += moves
+        reaction = reaction_of(hold, row_count(system.needs.border))
+        rests, state, residual, stability, moves, loaded, violation = _at_rest(
+            there, begin, tolerance, exact, check, previous)
+        steps += moves
+        if rests:
+            break
+        set_reaction(hold, reaction)
+    return rests, state, residual, stability, steps, loaded, violation
+
+
+@kernel
+def _at_rest(system, q, tolerance, exact, check, previous):
+    """Do as `_at_once`, of a DLO that is nearly at rest; the points that bear are kept."""
+    steps, stability = 0, np.nan
+    for exchange in range(_EXCHANGES):
+        rests, state, residual, violation, loaded, hessian, age, moves = semismooth_newton(
+            system, q, tolerance, exact, previous, not check or exchange >= 0)
+        steps += moves
+        if not rests:
+            break
+        changes, contacts = _exchanged(loaded, state, exact, exchange >= _CHOICES)
+        rests = not changes
+        if rests:
+            break
+        system, q = with_contacts(loaded, contacts, loaded.effects.contact.scene), state.q
+    if rests and check:
+        stability, _ = _judged(loaded, state, tolerance, exact)
+        rests = stability > -HELD_NEUTRAL
+    return rests, state, residual, stability, steps, loaded, violation
 
 
 @kernel
@@ -219,11 +276,11 @@ def _at_once(system, q, tolerance, exact, max_iterations, check, previous):
     system = with_contacts(system, free_to_roll(system, start, contact.contacts), contact.scene)
     for _ in range(_EXCHANGES):
         bears, state, residual, violation, loaded, hessian, age, moves = semismooth_newton(
-            system, q, tolerance, exact, previous)
+            system, q, tolerance, exact, previous, steps < 0)
         steps += moves
         if not bears:
             break
-        changes, contacts = _exchanged(loaded, state, exact)
+        changes, contacts = _exchanged(loaded, state, exact, steps < 0)
         if not changes:
             break
         system, q = with_contacts(loaded, contacts, loaded.effects.contact.scene), state.q
@@ -244,16 +301,17 @@ def _at_once(system, q, tolerance, exact, max_iterations, check, previous):
 
 
 @kernel
-def _exchanged(system, state, exact):
+def _exchanged(system, state, exact, keeps):
     """Return whether points pull, meet, or join that are deeper in an obstacle than `exact` (m).
 
-    And the ContactSet that is to be tried then.
+    And the ContactSet that is to be tried then, of all points that there were if it `keeps` them.
     """
     old, normal, hessian = system.effects.contact.contacts, np.empty(3), np.empty((3, 3))
     held_back, less = old.node.copy(), old.multiplier.copy()
     changes = _let_push(old) < -old.stiffness * exact or _met(old, state.attached)
     node = old.node.copy()
-    new, _ = update_active_set(system, state)
+    new, _ = (enlarge_active_set(system, state) if keeps
+              else update_active_set(system, state))
     for c in range(0 if changes else new.element.size):
         if new.obstacle[c] >= 0:
             gap, _, _ = closest_point(system.effects.contact.scene, new, c, system.lengths,

@@ -16,22 +16,31 @@ tells whether something else touches, and whether the shape falls.
 import numpy as np
 
 from dlo_planner.energy.ccd import sweeps_through
-from dlo_planner.energy.gap import closest_point, near_nodes, next_touching, node_gap
+from dlo_planner.energy.contact import trial_traction
+from dlo_planner.energy.gap import (
+    closest_point,
+    near_nodes,
+    next_touching,
+    node_gap,
+    radius_at_node,
+)
 from dlo_planner.energy.grip import constraint_value, move_multipliers
 from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.potential import at_elements, evaluate, project, unknowns_of
-from dlo_planner.energy.problem import new_configuration, with_gripper
-from dlo_planner.energy.scene import translated
+from dlo_planner.energy.problem import bending_energy, new_configuration, with_gripper
+from dlo_planner.energy.scene import SHEET, translated
 from dlo_planner.energy.terms import forbids, row_count
-from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element
+from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
 from dlo_planner.geometry.record import copy, put_sum, replaced
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.active_set import free_to_roll
+from dlo_planner.minimize.active_set import free_to_roll, rolled_to
 from dlo_planner.minimize.contact_laws import (
+    STICKING,
     contact_axes,
     contact_forces,
     contact_laws,
     force_after,
+    yielding_forces,
 )
 from dlo_planner.minimize.contact_table import (
     NEGLIGIBLE,
@@ -42,6 +51,7 @@ from dlo_planner.minimize.contact_table import (
     with_contacts,
     with_springs,
 )
+from dlo_planner.minimize.convergence import gradient_noise
 from dlo_planner.minimize.hessian import (
     assemble,
     factorize,
@@ -54,10 +64,11 @@ from dlo_planner.minimize.hessian import (
 from dlo_planner.minimize.kkt import add_to, dot, put_scaled
 from dlo_planner.minimize.newton import HELD_NEUTRAL, is_held
 
-_CHANGES = 8      # times that contacts are let go or taken back
-_FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
 _TOILS = 2        # rounds in vain, after which the unknowns move with the forces
 _FARTHEST_TURN = 0.3  # rad: the same, of what a node turns by
+_TINY = 1e-4      # of a negligible force: of candidates that are far away
+_CHANGES, _MORE_CHANGES = 8, 20       # times that contacts are let go or taken back
+_FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
 _STEPS = 24           # Newton steps at most
 _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
 _FALLS = 0.5         # of the error before: what falls less does not converge
@@ -65,6 +76,8 @@ _STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves pe
 _GRACE = 3           # first steps, in which it may do so
 _LONG = 6            # steps after which contacts that still change may go round in circles
 _PATIENCE = 8        # steps in vain with friction: a change of its direction raises the error first
+_ROUGHEST = 1e-5   # a residual that rounding errors may excuse
+_CROSSES = 0.9    # of the distance from the middle of a sheet at which a DLO touches it
 _NEAR = 1e-3         # of the length: nodes with larger gaps are no candidates beside friction
 
 
@@ -80,8 +93,11 @@ def update_multipliers(system, state, table, share, q, vain):
     if used:
         target, across, hessian = normal.copy(), shear.copy(), new_hessian(system)
         step = np.empty_like(q)
-        used = complementarity_step(system, state, table, hessian, used, vain > _TOILS,
-                                    not is_held(system), target, across, step, _no_reaction(system))
+        used = linearize(system, state, hessian, vain > _TOILS) and (
+            complementarity_step(system, state, table, hessian,
+                                 0 if is_held(system) else _CHANGES, 0.0, target,
+                                 across, step, np.empty_like(q), no_reaction(system))
+            < _FARTHEST * np.sum(system.lengths))
         if used:
             there = new_configuration(system)
             put_sum(q, share, step, there.q)
@@ -108,6 +124,16 @@ def forces(table, state):
 
 
 @kernel
+def forces_without_candidates(system, table, state):
+    """Return what `forces` does, but no force of candidates."""
+    normal, shear = forces(table, state)
+    for a in range(table.gap.size):
+        if is_candidate(system.effects.contact.contacts, table, a):
+            normal[a] = 0.0
+    return normal, shear
+
+
+@kernel
 def put_forces(system, table, normal, shear):
     """Make forces, normal (A,) and across (A, 3), the multipliers of `system`, in place."""
     contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
@@ -129,41 +155,79 @@ def put_forces(system, table, normal, shear):
 
 
 @kernel
-def complementarity_step(system, state, table, hessian, fresh, neutral, exchanges, normal, shear,
-                         step, reaction):
-    """Return whether it succeeds: fill the forces that obey the linearized laws, and the step.
+def linearize(system, state, hessian, neutral):
+    """Assemble and factorize the Hessian; return whether it is definite, but for what is `neutral`.
 
-    And the change of the reaction (K,) of a held far end. `fresh`: whether to assemble the Hessian;
-    `neutral`: whether it may be neutral; `exchanges`: whether the active set may change.
+    Newton's method finds what is neutral nearby; a descent goes far along it, in many short steps.
     """
-    if fresh:
-        assemble(system, state, hessian)
-        if not _stands(system, hessian, neutral):
+    assemble(system, state, hessian)
+    if factorize(system, hessian, 0.0) > 0:
+        if not (neutral and is_definite(system, hessian, HELD_NEUTRAL)):
             return False
+        factorize(system, hessian, 0.0)
+    return True
+
+
+@kernel
+def turn_into_loads(system, state, most):
+    """Make friction what its multiplier is, in place, whatever has slid.
+
+    That is of forces that are less than a part `most` of their limits.
+    """
+    contacts = system.effects.contact.contacts
+    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for c in range(contacts.element.size):
+        force = np.sqrt(np.sum(contacts.shear[c] ** 2))
+        if contacts.obstacle[c] >= 0 or force > most * contacts.multiplier[c]:
+            continue
+        point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                     contacts.element[c], contacts.fraction[c], rotation, x)
+        trial_traction(contacts, c, x, trial)
+        for i in range(3):
+            contacts.shear[c, i] -= trial[i] - contacts.shear[c, i]
+
+
+@kernel
+def complementarity_step(system, state, table, hessian, exchanges, softness, normal, shear, step,
+                         right, reaction):
+    """Fill the forces that obey the linearized laws, the step, and what makes it, `right` (m, 3).
+
+    And the change of the reaction (K,) of a held far end. Return how far, in m, the step moves a
+    contact, infinite where no forces are found: what slides by itself is held by none.
+
+    `hessian`: factorized; `exchanges`: how often the active set may change; `softness`: by how
+    much, m/N, contacts yield to a change of their forces.
+    """
     count = table.gap.size
     first = np.zeros(count + 1, dtype=np.int64)  # row of the normal; of a friction's two, the next
     for a in range(count):
         first[a + 1] = first[a] + (1 if table.rubbing[a] < 0 else 3)
     axes = contact_axes(table, first)
     loads, answers = _answers(system, state, hessian, table, first, axes)
-    miss, right, free = np.zeros_like(reaction), np.empty_like(step), np.empty(first[count])
+    miss, free = np.zeros_like(reaction), np.empty(first[count])
     constraint_value(system.effects.hold, state.rotations[-1], state.positions[-1], miss)
     put_scaled(-1.0, state.gradient, right)
     solve_held(system, hessian, right, miss, step, reaction)
+    if count == 0:
+        return 0.0
     for i in range(free.size):
         free[i] = dot(loads[i], step)
     law = contact_laws(system, state, table, first, axes, normal, free,
                        _products(loads, answers))
-    known, change, bears = contact_forces(
-        law, exchanges, _CHANGES if exchanges or has_inertia(system.effects.anchor) else 0)
+    if softness > 0.0:
+        known, change, bears = yielding_forces(law, softness)
+    else:
+        known, change, bears = contact_forces(
+            law, exchanges > 0,
+            exchanges if exchanges > 0 or not has_inertia(system.effects.anchor) else _CHANGES)
     if not known:
-        return False  # what slides does so by itself: no forces hold it there
-    moved, farthest = free.copy(), _FARTHEST * np.sum(system.lengths)
+        return np.inf
+    moved, farthest = free.copy(), 0.0
     for i in range(free.size):
         for k in range(free.size):
             moved[i] += law.compliance[i, k] * change[k]
-        if not abs(moved[i]) < farthest:
-            return False
+        if not abs(moved[i]) <= farthest:
+            farthest = abs(moved[i])
     for a in range(count):
         i, force = first[a], force_after(law, a, change, moved)
         normal[a] = force[0] if bears[a] else 0.0
@@ -172,20 +236,7 @@ def complementarity_step(system, state, table, hessian, fresh, neutral, exchange
     for i in range(free.size):
         add_to(right, change[i], loads[i])
     solve_held(system, hessian, right, miss, step, reaction)
-    return True
-
-
-@kernel
-def _stands(system, hessian, neutral):
-    """Factorize an assembled Hessian; return whether it is definite, but for what is `neutral`.
-
-    Newton's method finds what is neutral nearby; a descent goes far along it, in many short steps.
-    """
-    if factorize(system, hessian, 0.0) > 0:
-        if not (neutral and is_definite(system, hessian, HELD_NEUTRAL)):
-            return False
-        factorize(system, hessian, 0.0)
-    return True
+    return farthest if farthest < np.inf else np.inf
 
 
 @kernel
@@ -264,8 +315,7 @@ def tangent_predictor(system, base, slid, strains, twist):
     copy(start.q, state.q)
     evaluate(before, state)
     hessian = new_hessian(before)
-    assemble(before, state, hessian)
-    if not _stands(before, hessian, strains.size > 0):
+    if not linearize(before, state, hessian, strains.size > 0):
         return False, state.q, system
     loads, step, load = np.zeros_like(strains), np.empty_like(state.q), np.empty_like(state.q)
     for e in range(strains.shape[0]):
@@ -300,43 +350,44 @@ def _before(system, base, slid, twist):
 
 
 @kernel
-def semismooth_newton(system, q, tolerance, exact, previous):
+def semismooth_newton(system, q, tolerance, exact, previous, afar):
     """Return whether a DLO that bears comes to rest near q (m, 3), and what is known of it then.
 
     That is its Configuration, residual, violation, the Problem with its forces as multipliers, the
     Hessian, by how much (rad) nodes have turned since it was factorized, and Newton steps.
     """
     loaded, age, before, hold = system, np.inf, np.inf, system.effects.hold
-    reaction, gone = _no_reaction(system), _no_reaction(system)
+    reaction, gone = no_reaction(system), no_reaction(system)
     begin, hessian = new_configuration(system), new_hessian(system)
     begin.q[:] = q
-    neutral = age > 0.0  # literals would be compiled for by themselves
-    if not _bears(system.effects.contact.contacts):
+    neutral, farthest = age > 0.0, _FARTHEST * np.sum(system.lengths)
+    most = _MORE_CHANGES if afar else _CHANGES
+    if not (afar or bears(system.effects.contact.contacts)):
         return False, begin, np.inf, np.inf, system, hessian, age, 0
     place(system, begin)
     # 1/N: how many times the smallest stiffness of all of the DLO a force is
-    softness = np.sum(system.lengths) ** 2 / np.min(system.stiffness)
-    state, step = begin, np.empty_like(q)
+    softness = np.sum(system.lengths) / bending_energy(system)
+    state, step, right = begin, np.empty_like(q), np.empty_like(q)
     last = touching(system.effects.contact.scene, system.effects.contact.contacts, system.lengths,
                     begin)
     vain, near = 0, -exact
     for steps in range(_STEPS):
-        loaded = _loaded(loaded, state, previous, near)
+        loaded = loaded_by_contacts(loaded, state, previous, near, False, afar)
         state, residual, table, violation = kkt_residual(loaded, state.q)
-        if table.gap.size == 0:
+        if not (afar or table.gap.size):
             break
         normal, shear = forces(table, state)
-        same, rubs = _same(table, last), np.max(table.rubbing) >= 0
-        if residual < tolerance and violation < exact and near > 0.0:
+        same, rubs = _same(table, last), _rubs(table)
+        small = vanishes(loaded, state, residual, tolerance, afar)
+        if small and violation < exact and near > 0.0:
             near = -exact  # candidates have done their work: judged is what holds without them
-            for a in range(table.gap.size):
-                if is_candidate(loaded.effects.contact.contacts, table, a):
-                    normal[a] = 0.0
+            normal, shear = forces_without_candidates(loaded, table, state)
             put_forces(loaded, table, normal, shear)
-            loaded = _loaded(loaded, state, previous, near)
+            loaded = loaded_by_contacts(loaded, state, previous, near, False, afar)
             state, residual, table, violation = kkt_residual(loaded, state.q)
             normal, shear = forces(table, state)
-        if residual < tolerance and violation < exact:
+            small = vanishes(loaded, state, residual, tolerance, afar)
+        if small and violation < exact:
             if not same:  # the factorization is that of other contacts
                 age = np.inf
             if forbids(system.effects, system, begin, state):
@@ -351,8 +402,10 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         fresh = not same or not _STALE * age * residual < tolerance or rubs
         if rubs:
             near = min(violation, _NEAR * np.sum(system.lengths))
-        if not complementarity_step(loaded, state, table, hessian, fresh, neutral, neutral, normal,
-                                    shear, step, reaction):
+        if fresh and not linearize(loaded, state, hessian, neutral):
+            break
+        if not complementarity_step(loaded, state, table, hessian, most, 0.0, normal, shear, step,
+                                    right, reaction) < farthest:
             break
         change = largest_turn(loaded, hessian, step) + softness * _difference(table.force, normal)
         age = change if fresh else age + change
@@ -364,11 +417,19 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         gone += part * reaction
         place(loaded, state)
     move_multipliers(hold, -1.0, gone)
-    return False, state, np.inf, np.inf, system, hessian, age, _STEPS
+    return False, state, np.inf, np.inf, system, hessian, age, steps + 1 if afar else _STEPS
 
 
 @kernel
-def _no_reaction(system):
+def vanishes(system, state, residual, tolerance, rounded):
+    """Whether a residual is below the tolerance, or what rounding errors make of it."""
+    if residual < tolerance or not rounded:
+        return residual < tolerance
+    return residual < _ROUGHEST and residual < gradient_noise(system, state)
+
+
+@kernel
+def no_reaction(system):
     """Return zeros (K,), one for each row that a grip of the far end holds."""
     return np.zeros(row_count(system.needs.border))
 
@@ -405,14 +466,16 @@ def correction(system, strains, positions):
         twice[e] = strains[e // 2]
     unknowns_of(system, twice, state.q)
     place(system, state)
-    loaded = _loaded(system, state, np.zeros((0, 6)), -np.inf)
+    loaded = loaded_by_contacts(system, state, np.zeros((0, 6)), -np.inf, False, False)
     state, _, table, _ = kkt_residual(loaded, state.q)
     normal, shear = forces(table, state)
-    step = np.zeros_like(state.q)
-    touches = table.gap.size > 0
-    if not touches or not complementarity_step(
-            loaded, state, table, new_hessian(system), touches, not touches, not is_held(system),
-            normal, shear, step, _no_reaction(system)):
+    step, hessian = np.zeros_like(state.q), new_hessian(system)
+    if table.gap.size == 0 or not linearize(loaded, state, hessian, table.gap.size == 0):
+        return np.inf
+    most = 0 if is_held(system) else _CHANGES
+    if not complementarity_step(loaded, state, table, hessian, most, 0.0, normal, shear, step,
+                                step.copy(), no_reaction(system)) < (
+                                    _FARTHEST * np.sum(system.lengths)):
         return np.inf
     if not np.min(normal) > 0.0:
         return np.inf
@@ -439,7 +502,16 @@ def place(system, state):
 
 
 @kernel
-def _bears(contacts):
+def _rubs(table):
+    """Whether any contact in the table has friction."""
+    rubs = False
+    for a in range(table.rubbing.size):
+        rubs = rubs or table.rubbing[a] >= 0
+    return rubs
+
+
+@kernel
+def bears(contacts):
     """Whether any force of contact is known."""
     for o in range(contacts.node.shape[0]):
         for k in range(contacts.node.shape[1]):
@@ -452,16 +524,20 @@ def _bears(contacts):
 
 
 @kernel
-def _loaded(system, state, previous, near):
+def loaded_by_contacts(system, state, previous, near, everywhere, afar):
     """Return the Problem whose contacts, at `state`, push with the forces that are its multipliers.
 
-    A contact without force does not push. Nodes beside those that bear become candidates where the
-    gap is below `near`, m, with a negligible force: the laws tell what they bear. Nodes beside
-    points that roll do not. With a past (`previous`) friction is that of the contacts there.
+    A contact without force does not push. Nodes whose gap is below `near`, m, become candidates
+    with a negligible force: the laws tell what they bear. They are those beside nodes that bear
+    (not beside points that roll), or all, and from `afar` whatever is pressed in. With a past
+    (`previous`) friction is that of the contacts there.
     """
     given = system.effects.contact.contacts
     scene, k, lengths = system.effects.contact.scene, given.stiffness, system.lengths
     force, yielded = np.zeros_like(given.node), np.zeros_like(given.node)
+    at = given.element
+    if afar:
+        at, _ = rolled_to(system, state)
     x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     for o in range(scene.kind.size):
         node, last, longest = near_nodes(scene, o, state.strains)
@@ -469,9 +545,12 @@ def _loaded(system, state, previous, near):
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                            hessian)
             yielded[o, node], force[o, node] = k * gap, max(0.0, given.node[o, node])
-            if force[o, node] == 0.0 and gap < near and _lies_beside(given.node[o], node):
+            if not everywhere and force[o, node] == 0.0 and (
+                    gap < near and _lies_beside(given.node[o], node)
+                    or afar and gap < -abs(near)
+                    and not _has_point_beside(given, at, o, node)):
                 force[o, node] = NEGLIGIBLE * k * abs(gap)
-            node = next_touching(lengths, given.node[o], node, gap * longest)
+            node = next_touching(lengths, given.node[o], node, (gap - max(near, 0.0)) * longest)
     contacts = with_springs(given, 0.0, force, given.multiplier.copy())
     if len(previous):
         contacts = update_friction(system, contacts, state, previous)
@@ -479,12 +558,62 @@ def _loaded(system, state, previous, near):
         if contacts.obstacle[c] >= 0:
             gap, _, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
                                       state.positions, normal, hessian)
-            contacts.multiplier[c] = _pushing(contacts.multiplier[c], k * gap)
+            push = contacts.multiplier[c]
+            if everywhere and _crosses(scene, contacts.obstacle[c], gap):
+                push = 0.0
+            elif not push > 0.0 and (afar and gap < -abs(near) or everywhere and gap < near):
+                push = _TINY * NEGLIGIBLE * k * abs(gap)
+            contacts.multiplier[c] = _pushing(push, k * gap)
     for o in range(scene.kind.size):
         for node in range(force.shape[1]):
+            if everywhere and _crosses(scene, o, yielded[o, node] / k):
+                force[o, node] = 0.0
+            elif everywhere and force[o, node] == 0.0 and yielded[o, node] < k * near:
+                force[o, node] = _TINY * NEGLIGIBLE * abs(yielded[o, node])
             contacts.node[o, node] = _pushing(force[o, node], yielded[o, node])
-    return with_contacts(system, with_springs(contacts, k, contacts.node, contacts.multiplier),
-                         scene)
+    loaded = with_contacts(system, with_springs(contacts, k, contacts.node, contacts.multiplier),
+                           scene)
+    if afar:
+        turn_into_loads(loaded, state, np.inf if everywhere else STICKING)
+    return loaded
+
+
+@kernel
+def _crosses(scene, o, gap):
+    """Whether the axis is so near to the middle of a sheet that nothing tells to which side."""
+    return scene.kind[o] == SHEET and gap < -_CROSSES * radius_at_node(scene, o, 0)
+
+
+@kernel
+def crosses_a_sheet(system, state):
+    """Whether the axis is in the middle of a sheet, at a node or at a point that is watched."""
+    scene, contacts, lengths = (system.effects.contact.scene, system.effects.contact.contacts,
+                                system.lengths)
+    x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
+    for o in range(scene.kind.size):
+        node, last, longest = near_nodes(scene, o, state.strains)
+        while scene.kind[o] == SHEET and node <= last:
+            gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
+                           hessian)
+            if _crosses(scene, o, gap):
+                return True
+            node = next_touching(lengths, contacts.node[o], node, gap * longest)
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0 and scene.kind[contacts.obstacle[c]] == SHEET:
+            gap, _, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
+                                      state.positions, normal, hessian)
+            if _crosses(scene, contacts.obstacle[c], gap):
+                return True
+    return False
+
+
+@kernel
+def _has_point_beside(contacts, at, o, node):
+    """Whether a point that rolls is in an element beside a node; at (C,): elements of points."""
+    found = False
+    for c in range(at.size):
+        found = found or contacts.obstacle[c] == o and node - 1 <= at[c] <= node
+    return found
 
 
 @kernel

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from dlo_planner.minimize.contact_laws import ContactLaws, contact_forces, force_after
+from dlo_planner.minimize.contact_laws import (
+    ContactLaws,
+    contact_forces,
+    force_after,
+    yielding_forces,
+)
 
 
 def laws(compliance, gap, friction, force=None, stiffness=1e3, spring=0.0, free=0.0):
@@ -125,3 +130,27 @@ def test_a_force_that_turns_over_is_found_from_its_opposite():
     forces, places = solved(law)
     assert forces[1] == pytest.approx(0.01 / 0.07 - 0.5, rel=1e-6)
     assert abs(places[1]) < 1e-9
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_yielding_contacts_approach_the_laws(seed):
+    rng = np.random.default_rng(seed)
+    law = laws(body(rng, 12), rng.normal(size=12), 0.4, np.abs(rng.normal(size=12)) * 0.1,
+               stiffness=0.3, spring=0.3)
+    for _ in range(60):  # what they yield by is counted anew
+        known, change, _ = yielding_forces(law, 0.05)
+        assert known
+        moved = law.free + law.compliance @ change
+        forces = np.concatenate([force_after(law, a, change, moved) for a in range(4)])
+        law = law._replace(force=forces, gap=law.gap + moved, free=0.0 * moved)
+    assert wrong(forces, law.gap, 0.4) < 1e-4  # as exactly as a step asks for
+
+
+@pytest.mark.parametrize('own', [-2.0, 2.0])
+def test_what_would_fall_once_it_is_let_go_is_no_solution(own):
+    # the spring of the second contact, which bears nothing, holds up what is not stable
+    law = laws(np.diag([1.0, 1.0, 1.0, own, 1.0, 1.0]), [-1.0, 0.0, 0.0, 1.0, 0.0, 0.0], 0.4,
+               stiffness=1.0, spring=1.0)
+    law.bears[1] = False
+    known, _, bears = yielding_forces(law, 1e-3)
+    assert bears.tolist() == [True, False] and known == (own > 0.0)
