@@ -16,7 +16,7 @@ from dlo_planner.model.checks import callback, number, shown
 OnProgress = Callable[[int, int], object] | None  # called as progress(done, total)
 
 
-_INTERRUPT: ContextVar[Callable[[], object] | None] = ContextVar('interrupt', default=None)
+INTERRUPT: ContextVar[Callable[[], object] | None] = ContextVar('interrupt', default=None)
 
 
 @contextmanager
@@ -28,18 +28,11 @@ def interrupted_by(check: Callable[[], object]) -> Iterator[None]:
     """
     if callback('check', check) is None:
         raise InvalidTask('check = None: expected a function')
-    token = _INTERRUPT.set(check)
+    token = INTERRUPT.set(check)
     try:
         yield
     finally:
-        _INTERRUPT.reset(token)
-
-
-def look() -> None:
-    """Call the check of `interrupted_by`, if there is one: between steps that may be long."""
-    check = _INTERRUPT.get()
-    if check is not None:
-        check()
+        INTERRUPT.reset(token)
 
 
 class Progress:
@@ -49,7 +42,7 @@ class Progress:
         self._report = callback('progress', report)
         self._seconds = None if deadline is None else number('deadline', deadline, above=0)
         self._begun = monotonic()
-        self._interrupt = _INTERRUPT.get()
+        self._interrupt = INTERRUPT.get()
 
     def done(self, done: int, total: int) -> None:
         """Report that `done` of `total` steps are finished; raises DeadlineExceeded."""

@@ -51,7 +51,7 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import STANDARD_GRAVITY, FarEnd, PointLoad, Surroundings
 from dlo_planner.model.value import Value, brief, figures, put, same
 from dlo_planner.model.varying import stepwise
-from dlo_planner.progress import OnProgress, Progress, interrupted_by, look
+from dlo_planner.progress import INTERRUPT, OnProgress, Progress, interrupted_by
 
 _FARTHEST = 10  # of the length: from where a held far end may be brought
 
@@ -451,7 +451,9 @@ class DirectSimulator(Value):
     def _step(self, gripper: Pose, initial: Shape | None, far_end: FarEnd | None,
               most: float = np.inf) -> Shape:
         """Return the Shape of a step; `most` as in `step.StepInputs`."""
-        look()  # a pose that is far, or a fall, takes many steps
+        check = INTERRUPT.get()
+        if check is not None:  # a pose that is far, or a fall, takes many steps
+            check()
         how = StepInputs(self._history, far_end, self.method, self.strains, most)
         if self.accuracy is None:
             return step(self._discretization, gripper, initial, how)
