@@ -25,7 +25,7 @@ from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import NEGLIGIBLE
-from dlo_planner.minimize.dense import lu_factor, lu_solve
+from dlo_planner.minimize.dense import factorized, lu_factor, lu_solve
 from dlo_planner.model.arrays import Bools, Floats, Ints
 
 _SOFT = 1e-3     # of a spring's compliance: the proximal compliance of the first attempt
@@ -39,8 +39,8 @@ _SHRINK, _SHRINK_FAST, _GROW = 0.1, 1e-3, 10.0
 _QUICK = 2
 _ATTEMPTS, _ITERATIONS = 24, 15
 _PROXIMAL = 1e-5  # of a contact's own compliance: what it yields by at least
-STICKING = 1.0 - 1e-6  # part of its limit that a friction force has not reached
-_FEW, _SWEEPS = 6, 60    # iterations before contacts are solved for in turn, and of that
+_STICKING = 1.0 - 1e-6  # part of its limit that the friction of what sticks may have
+_FEW, _SWEEPS = 6, 60    # iterations together, then sweeps contact by contact
 _SETTLED = 1e-9          # of the largest force: changes in a sweep that leave nothing to be done
 
 
@@ -126,7 +126,7 @@ def contact_forces(law, exchanges, iterations):
     size, count = law.free.size, law.friction.size
     rubs, change = size > count, np.zeros(size)
     bears = law.bears.copy() if iterations > 0 else np.ones(count, dtype=np.bool_)
-    known, taken = _semismooth(law, np.full(size, _SOFT / law.stiffness),
+    known, taken = _semismooth(law, np.full(size, _SOFT / law.stiffness), _forces(law, change),
                                _augmentation(law, rubs), iterations,
                                _REFINED if exchanges else 0, change, bears)
     if iterations == 0 or not rubs or known and taken > 0:
@@ -141,8 +141,8 @@ def contact_forces(law, exchanges, iterations):
     bears[:] = True
     trial, trial_bears = change.copy(), bears.copy()
     for _ in range(_ATTEMPTS):
-        found, taken = _semismooth(law, part * own, augmentation, _ITERATIONS, 0, trial,
-                                   trial_bears)
+        found, taken = _semismooth(law, part * own, _forces(law, trial), augmentation, _ITERATIONS,
+                                   0, trial, trial_bears)
         if found and taken > 0:
             known, part = True, part * (_SHRINK if taken > _QUICK else _SHRINK_FAST)
             change[:] = trial
@@ -160,8 +160,8 @@ def contact_forces(law, exchanges, iterations):
 def yielding_forces(law, softness):
     """Return what `contact_forces` does, where each contact yields by `softness`, m/N.
 
-    Where active sets cycle they are found one contact after another (nonlinear Gauss-Seidel: Jean
-    1999), which converges where the DLO is stable without its contacts.
+    Where active sets cycle the laws are solved contact by contact (projected Gauss-Seidel). After
+    so many sweeps forces may still be inexact; who calls improves them in the next step.
     """
     size, change, bears = law.free.size, np.zeros(law.free.size), law.bears.copy()
     unique, compliance, free = _own_response(law)
@@ -171,7 +171,7 @@ def yielding_forces(law, softness):
         compliance[i, i] += proximal[i]
     taken = 0
     if unique:
-        unique, taken = _semismooth(law, proximal,
+        unique, taken = _semismooth(law, proximal, law.force,
                                     _stiffness_along(law, np.abs(_diagonal(compliance))), _FEW, 0,
                                     change, bears)
     if unique and taken > 0:
@@ -199,47 +199,35 @@ def yielding_forces(law, softness):
 
 @kernel
 def _released_stands(law, change, bears):
-    """Whether the DLO is stable without the springs of contacts that do not bear, and that slide.
+    """Whether the DLO is stable without the springs of contacts that are let go.
 
-    H is positive definite with all springs, k along each row. Without those of some rows it is so
-    where I / k - C of these rows is (Sylvester, Haynsworth).
+    These are springs of contacts that do not bear, and along friction that has its limit. What is
+    factorized is positive definite with all springs. Without some of them, s_i along row i, it is
+    so where I - sqrt(s_i) C_ij sqrt(s_j) of these rows is (Sylvester, Haynsworth).
     """
-    size, count = law.free.size, law.friction.size
-    force, moved = np.empty(size), np.empty(size)
-    _put_response(law, change, force, moved)
-    rows, released = np.zeros((2 * size, size)), 0
-    for a in range(count):
+    size, force, released = law.free.size, _forces(law, change), 0
+    rows = np.zeros((size, size))
+    for a in range(law.friction.size):
         i, n = law.first[a], law.first[a + 1] - law.first[a]
-        if not bears[a]:
-            for j in range(n):
-                rows[released, i + j] = 1.0
-                released += 1
-        elif n > 1:
-            limit = law.friction[a] * force[i]
-            along = np.sqrt(force[i + 1] ** 2 + force[i + 2] ** 2)
-            if along >= STICKING * limit and along > 0.0:
-                for j in (i + 1, i + 2):
-                    rows[released, j] = force[j] / along
-                released += 1
-    pivots = np.empty((released, released))
+        for j in range(0 if bears[a] else n):
+            rows[released, i + j] = np.sqrt(law.spring[a, j, j])
+            released += 1
+        along = np.sqrt(np.sum(force[i + 1:i + n] ** 2)) if bears[a] else 0.0
+        if along > 0.0 and slides(along, law.friction[a] * force[i]):
+            spring = 0.0
+            for j in range(1, n):
+                for k in range(1, n):
+                    spring += force[i + j] * law.spring[a, j, k] * force[i + k] / along**2
+            for j in range(1, n):
+                rows[released, i + j] = np.sqrt(max(spring, 0.0)) * force[i + j] / along
+            released += 1
+    left = np.eye(released)
     for a in range(released):
-        for b in range(a + 1):
-            pivots[a, b] = (1.0 if a == b else 0.0) / law.stiffness
-            for i in range(size):
-                for j in range(size if rows[a, i] != 0.0 else 0):
-                    if rows[b, j] != 0.0:
-                        pivots[a, b] -= rows[a, i] * law.compliance[i, j] * rows[b, j]
-    for a in range(released):  # Cholesky
-        for b in range(a + 1):
-            for c in range(b):
-                pivots[a, b] -= pivots[a, c] * pivots[b, c]
-            if a > b:
-                pivots[a, b] /= pivots[b, b]
-            elif not pivots[a, a] > 0.0:
-                return False
-            else:
-                pivots[a, a] = np.sqrt(pivots[a, a])
-    return True
+        for i in range(size):
+            for j in range(size if rows[a, i] != 0.0 else 0):
+                for b in range(a + 1 if law.compliance[i, j] != 0.0 else 0):
+                    left[a, b] -= rows[a, i] * law.compliance[i, j] * rows[b, j]
+    return factorized(left, np.empty_like(left), 0.0, 0) == 0
 
 
 @kernel
@@ -251,7 +239,7 @@ def _found_in_turn(law, compliance, begin, force):
     change = np.zeros(force.size)
     worst = most = np.inf
     for i in range(force.size):
-        if compliance[i, i] == 0.0:
+        if not compliance[i, i] > 0.0:
             return False
     for _ in range(_SWEEPS):
         worst = most = 0.0
@@ -306,6 +294,12 @@ def _stiffness_along(law, own):
 
 
 @kernel
+def slides(force, limit):
+    """Whether a friction force has its limit, N."""
+    return force >= _STICKING * limit
+
+
+@kernel
 def force_after(law, a, change, moved):
     """Return the force (n,) of contact a after a change (K,) of loads and the motion (K,)."""
     i, n = law.first[a], law.first[a + 1] - law.first[a]
@@ -357,11 +351,11 @@ def _own_response(law):
 
 
 @kernel
-def _semismooth(law, proximal, augmentation, iterations, refinements, change, bears):
+def _semismooth(law, proximal, begin, augmentation, iterations, refinements, change, bears):
     """Improve the change (K,) of loads and the active set (A,).
 
     Return whether they are found, and after how many iterations they obey the laws, or 0. Contacts
-    yield by proximal (K,), m/N, times the change of their forces since the start, then since the
+    yield by proximal (K,), m/N, times the change of their forces since `begin` (K,), then since the
     last refinement, a proximal step with the active set that is found. Without friction no contact
     joins the active set in the second half of the iterations, so that they end.
     """
@@ -370,7 +364,7 @@ def _semismooth(law, proximal, augmentation, iterations, refinements, change, be
     force, slip, order = np.empty(size), np.empty(size), np.empty(size, dtype=np.int64)
     matrix, right, by_center = np.empty((size, size)), np.empty(size), np.empty((count, 3, 3))
     _put_response(law, change, force, slip)
-    center = force.copy()
+    center = begin.copy()
     for iteration in range(iterations + 1):
         _put_equations(law, bears, force, slip, augmentation, proximal, center, matrix, right,
                        by_center)
@@ -405,6 +399,14 @@ def _semismooth(law, proximal, augmentation, iterations, refinements, change, be
         lu_solve(matrix, order, change.reshape((size, 1)))
         _put_response(law, change, force, slip)
     return True, taken if same else 0
+
+
+@kernel
+def _forces(law, change):
+    """Return the forces (K,), N, after a change (K,) of the loads."""
+    force, slip = np.empty_like(change), np.empty_like(change)
+    _put_response(law, change, force, slip)
+    return force
 
 
 @kernel

@@ -36,6 +36,7 @@ from dlo_planner.minimize.contact_table import (
     update_friction,
     with_contacts,
     with_springs,
+    with_stiffness,
 )
 from dlo_planner.minimize.convergence import Minimum, gradient_noise
 from dlo_planner.minimize.hessian import is_definite
@@ -70,9 +71,9 @@ _EXCHANGES = 6      # of points that bear, with forces at once; then by turns
 _ON_A_WAY = 20      # steps: who allows no more wants no equilibrium
 _BETWEEN_GRIPS = 100  # the same: what is deep inside an obstacle comes out by springs
 _ROUNDS = 100
-_ROUGH = (1e-3, 1e-6, 1e-6)  # how nearly it is brought to rest, and in how many steps
-_MOST = (60, 100, 400)
-_CHOICES = 3        # exchanges, after which points are kept
+# How nearly a DLO is brought to rest, in how many steps, and from when on it slides there; then
+# forces are sought at once, where points are kept after so many exchanges.
+_ROUGH, _MOST, _SLIDES, _CHOICES = (1e-3, 1e-6, 1e-6), (60, 100, 400), 2, 3
 _TURN = 12          # rounds in which points are chosen anew, then as many in which they are kept
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
 _STIFFER = 10.0
@@ -99,17 +100,6 @@ def constrained_newton(system: Problem, q: Floats, tolerance: float, max_iterati
         return Minimum(*end)
     return newton(system, q, tolerance, max_iterations, check,
                   exact if holds(system.hold) or hinged(system) else 0.0)
-
-
-def follow_contact(system: Problem, start: tuple[Floats, Floats, Floats, Floats], tolerance: float,
-                   max_iterations: int, exact: float, previous: Floats) -> Minimum | None:
-    """Return the Minimum in which a DLO goes on bearing as its gripper moves, or None.
-
-    It is None where something is in its way, or where the points that bear do not go on bearing.
-    """
-    goes_on, *end = predictor_corrector(system, *start, COARSER * tolerance, exact, max_iterations,
-                            previous)
-    return Minimum(*end) if goes_on else None
 
 
 def stiffen_penalty(system: Problem, state: Configuration) -> Problem:
@@ -160,66 +150,55 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
             before += steps
             if not touches:
                 break
-        bears, state, residual, stability, steps, kicks, loaded, violation = _at_once(
-            there, begin, tolerance, exact, max_iterations, check, previous)
+        rests, state, residual, stability, steps, kicks, loaded, violation = _at_once(
+            there, begin, False, tolerance, exact, max_iterations, check, previous)
         before += steps
-        if bears:
+        if rests:
             return state, residual, stability, before, kicks, loaded, violation
     set_reaction(hold, reaction)
-    state, residual, stability, steps, kicks, loaded, violation = augmented_lagrangian(
-        system, q, tolerance, exact, max_iterations, check, previous, _ROUNDS)
-    on_a_way = max_iterations <= (_BETWEEN_GRIPS if is_held(system) else _ON_A_WAY)
-    if not (on_a_way or _rests(loaded, state, residual, stability, violation, tolerance, exact)):
+    end = augmented_lagrangian(system, q, tolerance, exact, max_iterations, check, previous,
+                               _ROUNDS)
+    state, residual, stability, steps, kicks, loaded, violation = end
+    before += steps
+    if not (_on_a_way(system, max_iterations)
+            or _rests(loaded, state, residual, stability, violation, tolerance, exact)):
         left = reaction_of(hold, row_count(system.needs.border))
         set_reaction(hold, reaction)
-        rests, state_there, residual_there, stability_there, more, loaded_there, violation_there = (
-            _relaxed(system, q, tolerance, exact, check, previous))
-        before += more
+        rests, another, steps = _relaxed(system, q, tolerance, exact, max_iterations, check,
+                                         previous)
+        before += steps
         if rests:
-            return (state_there, residual_there, stability_there, steps + before, kicks,
-                    loaded_there, violation_there)
-        set_reaction(hold, left)
-    return state, residual, stability, steps + before, kicks, loaded, violation
+            state, residual, stability, loaded, violation = another
+        else:
+            set_reaction(hold, left)
+    return state, residual, stability, before, kicks, loaded, violation
 
 
 @kernel
-def _relaxed(system, q, tolerance, exact, check, previous):
-    """Return whether a DLO that is brought nearer to rest first comes to rest, as `_at_once`."""
-    hold, there, begin, steps = system.effects.hold, system, q, 0
-    rests = False
+def _relaxed(system, q, tolerance, exact, max_iterations, check, previous):
+    """Return whether a DLO that is brought nearer to rest first comes to rest, where, and steps.
+
+    Where: Configuration, residual, stability, Problem, violation.
+    """
+    hold, there, begin, before = system.effects.hold, system, q, 0
     for attempt in range(len(_ROUGH)):
-        there, begin, moves, previous = relax(there, begin, previous, attempt == 2,
+        there, begin, steps, previous = relax(there, begin, previous, attempt == _SLIDES,
                                               _ROUGH[attempt], _MOST[attempt])
-        steps += moves
+        before += steps
         reaction = reaction_of(hold, row_count(system.needs.border))
-        rests, state, residual, stability, moves, loaded, violation = _at_rest(
-            there, begin, tolerance, exact, check, previous)
-        steps += moves
+        rests, state, residual, stability, steps, _, loaded, violation = _at_once(
+            there, begin, True, tolerance, exact, max_iterations, check, previous)
+        before += steps
         if rests:
             break
         set_reaction(hold, reaction)
-    return rests, state, residual, stability, steps, loaded, violation
+    return rests, (state, residual, stability, loaded, violation), before
 
 
 @kernel
-def _at_rest(system, q, tolerance, exact, check, previous):
-    """Do as `_at_once`, of a DLO that is nearly at rest; the points that bear are kept."""
-    steps, stability = 0, np.nan
-    for exchange in range(_EXCHANGES):
-        rests, state, residual, violation, loaded, hessian, age, moves = semismooth_newton(
-            system, q, tolerance, exact, previous, not check or exchange >= 0)
-        steps += moves
-        if not rests:
-            break
-        changes, contacts = _exchanged(loaded, state, exact, exchange >= _CHOICES)
-        rests = not changes
-        if rests:
-            break
-        system, q = with_contacts(loaded, contacts, loaded.effects.contact.scene), state.q
-    if rests and check:
-        stability, _ = _judged(loaded, state, tolerance, exact)
-        rests = stability > -HELD_NEUTRAL
-    return rests, state, residual, stability, steps, loaded, violation
+def _on_a_way(system, max_iterations):
+    """Whether no equilibrium is wanted, for no more steps than these are allowed."""
+    return max_iterations <= (_BETWEEN_GRIPS if is_held(system) else _ON_A_WAY)
 
 
 @kernel
@@ -228,10 +207,9 @@ def _starts(system, max_iterations):
 
     More between two grips: there turns often go on without an end.
     """
-    held = is_held(system)
-    if max_iterations <= (_BETWEEN_GRIPS if held else _ON_A_WAY):
+    if _on_a_way(system, max_iterations):
         return range(0)
-    return range(_STARTS if held else 1)
+    return range(_STARTS if is_held(system) else 1)
 
 
 @kernel
@@ -240,7 +218,8 @@ def _pressed(system, q, tolerance, exact, max_iterations, previous):
 
     Return whether it touches, steps, and the Problem and unknowns there.
     """
-    system = _stiffened(system, 1.0)  # a copy: a round moves forces from node to node
+    contacts = system.effects.contact.contacts  # copied: a round moves forces from node to node
+    system = with_stiffness(system, contacts.stiffness, contacts.grip)
     state, _, steps, contacts, _ = _round(system, q, tolerance, exact,
                                           min(_PATIENCE, max_iterations), previous,
                                           max_iterations < 0)
@@ -259,32 +238,37 @@ def predictor_corrector(system, base, slid, strains, shift, tolerance, exact, ma
     twist[3:] = shift
     follows, q, system = tangent_predictor(system, base, slid, strains, twist)
     if follows:
-        return _at_once(system, q, tolerance, exact, max_iterations, follows, previous)
+        return _at_once(system, q, not follows, tolerance, exact, max_iterations, follows, previous)
     return False, new_configuration(system), np.inf, np.nan, 0, 0, system, np.inf
 
 
 @kernel
-def _at_once(system, q, tolerance, exact, max_iterations, check, previous):
+def _at_once(system, q, afar, tolerance, exact, max_iterations, check, previous):
     """Return whether a DLO that bears comes to rest from q (m, 3), and where, as `solve_contact`.
 
-    Arguments as of `constrained_newton`.
+    `afar`: whether it has been brought here from afar, see `semismooth_newton`; then its points do
+    not roll far, nor does it go on by turns. Others as of `constrained_newton`.
     """
     steps = kicks = moves = 0
     stability, start, contact = np.nan, new_configuration(system), system.effects.contact
     copy(q, start.q)
     place(system, start)
-    system = with_contacts(system, free_to_roll(system, start, contact.contacts), contact.scene)
-    for _ in range(_EXCHANGES):
+    if not afar:
+        system = with_contacts(system, free_to_roll(system, start, contact.contacts),
+                               contact.scene)
+    for exchange in range(_EXCHANGES):
         bears, state, residual, violation, loaded, hessian, age, moves = semismooth_newton(
-            system, q, tolerance, exact, previous, steps < 0)
+            system, q, tolerance, exact, previous, afar)
         steps += moves
         if not bears:
             break
-        changes, contacts = _exchanged(loaded, state, exact, steps < 0)
+        changes, contacts = _exchanged(loaded, state, exact, afar and exchange >= _CHOICES)
         if not changes:
             break
         system, q = with_contacts(loaded, contacts, loaded.effects.contact.scene), state.q
-    if bears and changes:
+    if bears and changes and afar:
+        bears = not afar
+    elif bears and changes:
         state, residual, stability, moves, kicks, loaded, violation = augmented_lagrangian(
             loaded, state.q, tolerance, exact, min(_SOON, max_iterations), check, previous, _FEW)
         steps += moves
@@ -448,6 +432,5 @@ def _judged(system, state, tolerance, exact):
 @kernel
 def _stiffened(system, factor):
     """Return the same Problem with springs at its contacts that are stiffer by a factor."""
-    old = system.effects.contact.contacts
-    contacts = with_springs(old, factor * old.stiffness, old.node.copy(), old.multiplier.copy())
-    return with_contacts(system, contacts, system.effects.contact.scene)
+    contacts = system.effects.contact.contacts
+    return with_stiffness(system, factor * contacts.stiffness, contacts.grip)

@@ -190,6 +190,14 @@ def with_contacts(system, contacts, scene):
 
 
 @kernel
+def with_stiffness(system, stiffness, grip):
+    """Return the same Problem with copies of its contacts, of other stiffnesses, N/m."""
+    old = system.effects.contact.contacts
+    contacts = with_springs(old, stiffness, old.node.copy(), old.multiplier.copy())
+    return with_contacts(system, replaced(contacts, 'grip', grip), system.effects.contact.scene)
+
+
+@kernel
 def update_friction(system: Problem, contacts: ContactSet, state: Configuration,
                     previous: Floats) -> ContactSet:
     """Return the ContactSet with a point of friction for each contact that bears and rubs.

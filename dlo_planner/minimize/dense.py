@@ -95,11 +95,15 @@ def _put_together(basis, rows, dense):
 @kernel
 def factorize_dense(hessian, shift, most):
     """Factorize; give up where more than `most` pivots are negative; return how many are."""
-    return _factorized(hessian.dense, hessian.factor, shift, most)
+    return factorized(hessian.dense, hessian.factor, shift, most)
 
 
 @kernel
-def _factorized(dense, factor, shift, most):
+def factorized(dense, factor, shift, most):
+    """Fill factor with L, D of dense + shift I = L D L^T; return how many pivots are negative.
+
+    Give up where more than `most` are.
+    """
     n = dense.shape[0]
     negative = 0
     scaled = np.empty(n)

@@ -10,9 +10,9 @@ steps,
 
 and contacts obey their linearized laws, but yield by `softness` times the change of their forces.
 So a DLO that is set on a table nearly upright buckles before its force grows without bounds.
-Both vanish as the flow comes to rest, and then this is Newton's method (Kelley and Keyes, SIAM
-J. Numer. Anal. 35, 1998). A step is good if the gradient after it is about what it should be;
-shift and softness are chosen by that, no potential is asked: friction has none.
+Both become small as the flow comes to rest, and then this is nearly Newton's method (Kelley and
+Keyes, SIAM J. Numer. Anal. 35, 1998). A step is good if the gradient after it is about what it
+should be; shift and softness are chosen by that, no potential is asked: friction has none.
 
 Nodes near obstacles are candidates for contact, so that a step meets an obstacle as its laws say.
 """
@@ -25,11 +25,15 @@ from dlo_planner.energy.inertia import inertial_stiffness
 from dlo_planner.energy.problem import bending_energy, new_configuration
 from dlo_planner.energy.terms import forbids
 from dlo_planner.geometry.kinematics import point_inside
-from dlo_planner.geometry.record import put_sum, replaced
+from dlo_planner.geometry.record import put_sum
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.active_set import enlarge_active_set, update_active_set
-from dlo_planner.minimize.contact_laws import STICKING
-from dlo_planner.minimize.contact_table import kkt_residual, with_contacts, with_springs
+from dlo_planner.minimize.contact_laws import slides
+from dlo_planner.minimize.contact_table import (
+    kkt_residual,
+    with_contacts,
+    with_stiffness,
+)
 from dlo_planner.minimize.hessian import assemble, is_definite, largest_turn, new_hessian
 from dlo_planner.minimize.kkt import dot
 from dlo_planner.minimize.semismooth import (
@@ -47,8 +51,10 @@ from dlo_planner.minimize.semismooth import (
 _TURN = 0.3       # rad: no step turns a node by more
 _FARTHEST = 0.1   # of the length: no step moves a contact by more
 _NEAR = 0.02      # of the length: nodes with smaller gaps are candidates
-_SOFTEST, _STIFFEST = 0.01, 1e-12  # lengths that contacts yield by under the DLO's own forces
-_LEAST_SHIFT, _MOST_SHIFT = 1e-3, 1e9  # of the loads; the latter, times the former, stops all
+# lengths by which contacts yield under the DLO's own forces, at most and at least
+_SOFTEST, _STIFFEST = 0.01, 1e-12
+_LEAST_SHIFT = 1e-3  # where shifts begin, relative to elasticity and loads
+_MOST_SHIFT = 1e9    # times the least one: then nothing moves
 _LARGER, _SMALLER = 4.0, 0.25  # most and least that shift and softness are multiplied by
 # A step brings contacts deeper by this part of the DLO's radius, within limits, of the length.
 _PART, _LEAST_DEEPER, _DEEPER = 0.25, 1e-4, 5e-3
@@ -57,32 +63,35 @@ _AIM, _BAD = 0.3, 1.0  # wrong part of the gradient after a step: as it should b
 
 
 @kernel
-def relax(system, q, previous, slides, rough, most):
+def relax(system, q, previous, follows, rough, most):
     """Return Problem with its contact forces, unknowns, steps, where the flow comes to rest.
 
     And the places (N + 1, 6) from which friction counts then, if it does. At rest the residual is
     below `rough`, and no gap below -rough times the length; the flow also ends after `most` steps.
-    Where it `slides`, friction counts from each of its steps, else from where the DLO was before.
+    Friction counts from where the DLO was before, or, if it `follows`, from each step of the flow:
+    that is the answer of another way of loading, in which points slip, stick and slip again.
     """
     length, hold = np.sum(system.lengths), system.effects.hold
     given = system.effects.contact.contacts
     rigidity = bending_energy(system) / length
-    weight, reaction = np.sum(np.abs(system.effects.load.pull)), no_reaction(system)
+    loads, reaction = np.sum(np.abs(system.effects.load.pull)), no_reaction(system)
     inertia = inertial_stiffness(system.effects.anchor) * length
-    compliance, least = (length / (weight + inertia + rigidity),
-                         _LEAST_SHIFT * (1.0 + weight / rigidity))
-    thin = _thickness(system.effects.contact.scene, length)
+    # the shift is relative to elasticity, whatever inertia adds to it
+    compliance, least = (length / (loads + inertia + rigidity),
+                         _LEAST_SHIFT * (1.0 + loads / rigidity))
+    thin = _thickness(system.effects.contact.scene, system.lengths)
     softest = min(_SOFTEST, thin / length)
-    weak, near, always = 1.0 / (softest * compliance), _NEAR * length, rough > 0.0
+    weak, near = 1.0 / (softest * compliance), _NEAR * length
+    always = rough > 0.0  # literals would be compiled for by themselves
     state, step, hessian = new_configuration(system), np.empty_like(q), new_hessian(system)
     trial, right, wrong = new_configuration(system), np.empty_like(q), np.empty_like(q)
     state.q[:] = q
     place(system, state)
-    loaded = _with_stiffness(system, weak, weak)
+    loaded = with_stiffness(system, weak, weak)
     loaded = loaded_by_contacts(loaded, state, previous, near, always, always)
     state, residual, table, _ = kkt_residual(loaded, state.q)
-    loaded, state, residual, table, previous = _watched(loaded, state, table, previous, slides,
-                                                        near, slides)
+    loaded, state, residual, table, previous = _watched(loaded, state, table, previous, follows,
+                                                        near, follows)
     shift, softness, steps, stands = 0.0, softest, 0, False
     while steps < most and shift < _MOST_SHIFT * least:
         if stands and residual < rough and _deepest(table) < rough * length:
@@ -93,16 +102,15 @@ def relax(system, q, previous, slides, rough, most):
         assemble(loaded, state, hessian)
         good, error = is_definite(loaded, hessian, shift), np.inf
         if good:
-            good = complementarity_step(loaded, state, table, hessian, 1,
-                                        softness * compliance, normal, shear, step, right,
-                                        reaction) < _FARTHEST * length
+            good = complementarity_step(loaded, state, table, hessian, 1, softness * compliance,
+                                        _FARTHEST, normal, shear, step, right, reaction)
         turn = largest_turn(loaded, hessian, step) if good else np.inf
         if turn < _TURN:
             put_sum(state.q, 1.0, step, trial.q)
             place(system, trial)
             if (crosses_a_sheet(loaded, state)
                     or not forbids(system.effects, system, state, trial)):
-                after = _with_stiffness(loaded, weak, weak)
+                after = with_stiffness(loaded, weak, weak)
                 put_forces(after, table, normal, shear)
                 move_multipliers(hold, 1.0, reaction)
                 after = loaded_by_contacts(after, trial, previous, near, always, always)
@@ -113,7 +121,7 @@ def relax(system, q, previous, slides, rough, most):
                 if left > 0.0:  # else it rests already, as a DLO upright on its tip may
                     error = np.sqrt(left / whole) if whole > 0.0 else np.inf
                 after, there, its_residual, its_table, later = _watched(
-                    after, there, its_table, previous, slides, near, steps > _CHOICES)
+                    after, there, its_table, previous, follows, near, steps > _CHOICES)
                 error = max(error, (_deepest(its_table) - _deepest(table))
                             / max(thin, _deepest(table)))
                 if not error < _BAD:
@@ -129,13 +137,13 @@ def relax(system, q, previous, slides, rough, most):
         softness = min(max(softness, _STIFFEST) * factor, softest)
     normal, shear = forces_without_candidates(loaded, table, state)
     put_forces(loaded, table, normal, shear)
-    loaded = _with_stiffness(loaded, given.stiffness, given.grip)
-    turn_into_loads(loaded, state, STICKING)
+    loaded = with_stiffness(loaded, given.stiffness, given.grip)
+    turn_into_loads(loaded, state, not always)
     return loaded, state.q, steps, previous
 
 
 @kernel
-def _watched(system, state, table, previous, slides, near, keeps):
+def _watched(system, state, table, previous, follows, near, keeps):
     """Watch the points inside elements that matter at a state, and count friction from there on.
 
     Return Problem, Configuration, residual, table of contacts, and the places friction counts from.
@@ -145,21 +153,13 @@ def _watched(system, state, table, previous, slides, near, keeps):
     put_forces(system, table, normal, shear)
     contacts, _ = (enlarge_active_set(system, state) if keeps
                    else update_active_set(system, state))
-    if slides and len(previous):
+    if follows and len(previous):
         previous = _places(state)
         _move_anchors(system, contacts, state)
     system = with_contacts(system, contacts, system.effects.contact.scene)
     system = loaded_by_contacts(system, state, previous, near, near > 0.0, near > 0.0)
     state, residual, table, _ = kkt_residual(system, state.q)
     return system, state, residual, table, previous
-
-
-@kernel
-def _with_stiffness(system, stiffness, grip):
-    """Return a Problem with copies of its contacts, of another stiffness."""
-    old = system.effects.contact.contacts
-    contacts = with_springs(old, stiffness, old.node.copy(), old.multiplier.copy())
-    return with_contacts(system, replaced(contacts, 'grip', grip), system.effects.contact.scene)
 
 
 @kernel
@@ -180,7 +180,7 @@ def _move_anchors(system, contacts, state):
         if contacts.obstacle[c] >= 0:
             continue
         force = np.sqrt(np.sum(contacts.shear[c] ** 2))
-        if force >= STICKING * contacts.multiplier[c]:
+        if slides(force, contacts.multiplier[c]):
             point_inside(system.lengths, state.strains, state.rotations, state.positions,
                          contacts.element[c], contacts.fraction[c], rotation, x)
             for i in range(3):
@@ -188,12 +188,13 @@ def _move_anchors(system, contacts, state):
 
 
 @kernel
-def _thickness(scene, length):
+def _thickness(scene, lengths):
     """Return how much deeper, in m, a step may bring a contact."""
-    thin = _DEEPER * length
+    thin, length = _DEEPER * np.sum(lengths), np.sum(lengths)
     for o in range(scene.kind.size):
         beside = np.sqrt(scene.offset[o, 0] ** 2 + scene.offset[o, 1] ** 2)
-        thin = min(thin, _PART * (beside + radius_at_node(scene, o, 0)))
+        for k in range(lengths.size + 1):
+            thin = min(thin, _PART * (beside + radius_at_node(scene, o, k)))
     return max(thin, _LEAST_DEEPER * length)
 
 

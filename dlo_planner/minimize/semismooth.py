@@ -9,8 +9,9 @@ Where that cannot be trusted each multiplier becomes the force that it has (augm
 In `semismooth_newton` the springs of contacts push with the multipliers alone, whatever the gaps
 and slips are: a gap of the start is closed by a change of the forces, not fought by the springs.
 Nodes beside contacts with friction are candidates before they touch. It begins where a DLO whose
-contacts all go on bearing would be carried by its gripper. What it finds is a start: the minimizer
-tells whether something else touches, and whether the shape falls.
+contacts all go on bearing would be carried by its gripper, or where `relaxation` has brought one
+nearly to rest, from afar; then whatever is pressed in is a candidate. What it finds is a start:
+the caller tells whether something else touches, and whether the shape falls.
 """
 
 import numpy as np
@@ -35,11 +36,11 @@ from dlo_planner.geometry.record import copy, put_sum, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.active_set import free_to_roll, rolled_to
 from dlo_planner.minimize.contact_laws import (
-    STICKING,
     contact_axes,
     contact_forces,
     contact_laws,
     force_after,
+    slides,
     yielding_forces,
 )
 from dlo_planner.minimize.contact_table import (
@@ -51,7 +52,7 @@ from dlo_planner.minimize.contact_table import (
     with_contacts,
     with_springs,
 )
-from dlo_planner.minimize.convergence import gradient_noise
+from dlo_planner.minimize.convergence import as_rounded, gradient_noise
 from dlo_planner.minimize.hessian import (
     assemble,
     factorize,
@@ -76,7 +77,6 @@ _STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves pe
 _GRACE = 3           # first steps, in which it may do so
 _LONG = 6            # steps after which contacts that still change may go round in circles
 _PATIENCE = 8        # steps in vain with friction: a change of its direction raises the error first
-_ROUGHEST = 1e-5   # a residual that rounding errors may excuse
 _CROSSES = 0.9    # of the distance from the middle of a sheet at which a DLO touches it
 _NEAR = 1e-3         # of the length: nodes with larger gaps are no candidates beside friction
 
@@ -93,11 +93,9 @@ def update_multipliers(system, state, table, share, q, vain):
     if used:
         target, across, hessian = normal.copy(), shear.copy(), new_hessian(system)
         step = np.empty_like(q)
-        used = linearize(system, state, hessian, vain > _TOILS) and (
-            complementarity_step(system, state, table, hessian,
-                                 0 if is_held(system) else _CHANGES, 0.0, target,
-                                 across, step, np.empty_like(q), no_reaction(system))
-            < _FARTHEST * np.sum(system.lengths))
+        used = linearize(system, state, hessian, vain > _TOILS) and complementarity_step(
+            system, state, table, hessian, 0 if is_held(system) else _CHANGES, 0.0, _FARTHEST,
+            target, across, step, np.empty_like(q), no_reaction(system))
         if used:
             there = new_configuration(system)
             put_sum(q, share, step, there.q)
@@ -169,16 +167,16 @@ def linearize(system, state, hessian, neutral):
 
 
 @kernel
-def turn_into_loads(system, state, most):
-    """Make friction what its multiplier is, in place, whatever has slid.
+def turn_into_loads(system, state, everywhere):
+    """Make friction a load, its multiplier, in place, whatever has slid.
 
-    That is of forces that are less than a part `most` of their limits.
+    That of what sticks, so that rounding errors of places count for nothing; or of all contacts.
     """
     contacts = system.effects.contact.contacts
     rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
     for c in range(contacts.element.size):
         force = np.sqrt(np.sum(contacts.shear[c] ** 2))
-        if contacts.obstacle[c] >= 0 or force > most * contacts.multiplier[c]:
+        if contacts.obstacle[c] >= 0 or not everywhere and slides(force, contacts.multiplier[c]):
             continue
         point_inside(system.lengths, state.strains, state.rotations, state.positions,
                      contacts.element[c], contacts.fraction[c], rotation, x)
@@ -188,12 +186,12 @@ def turn_into_loads(system, state, most):
 
 
 @kernel
-def complementarity_step(system, state, table, hessian, exchanges, softness, normal, shear, step,
-                         right, reaction):
+def complementarity_step(system, state, table, hessian, exchanges, softness, farthest, normal,
+                         shear, step, right, reaction):
     """Fill the forces that obey the linearized laws, the step, and what makes it, `right` (m, 3).
 
-    And the change of the reaction (K,) of a held far end. Return how far, in m, the step moves a
-    contact, infinite where no forces are found: what slides by itself is held by none.
+    And the change of the reaction (K,) of a held far end. Return whether forces are found (what
+    slides by itself is held by none) and no contact moves by more than `farthest` of the length.
 
     `hessian`: factorized; `exchanges`: how often the active set may change; `softness`: by how
     much, m/N, contacts yield to a change of their forces.
@@ -209,7 +207,7 @@ def complementarity_step(system, state, table, hessian, exchanges, softness, nor
     put_scaled(-1.0, state.gradient, right)
     solve_held(system, hessian, right, miss, step, reaction)
     if count == 0:
-        return 0.0
+        return True
     for i in range(free.size):
         free[i] = dot(loads[i], step)
     law = contact_laws(system, state, table, first, axes, normal, free,
@@ -221,13 +219,13 @@ def complementarity_step(system, state, table, hessian, exchanges, softness, nor
             law, exchanges > 0,
             exchanges if exchanges > 0 or not has_inertia(system.effects.anchor) else _CHANGES)
     if not known:
-        return np.inf
-    moved, farthest = free.copy(), 0.0
+        return False
+    moved = free.copy()
     for i in range(free.size):
         for k in range(free.size):
             moved[i] += law.compliance[i, k] * change[k]
-        if not abs(moved[i]) <= farthest:
-            farthest = abs(moved[i])
+        if not abs(moved[i]) < farthest * np.sum(system.lengths):
+            return False
     for a in range(count):
         i, force = first[a], force_after(law, a, change, moved)
         normal[a] = force[0] if bears[a] else 0.0
@@ -236,7 +234,7 @@ def complementarity_step(system, state, table, hessian, exchanges, softness, nor
     for i in range(free.size):
         add_to(right, change[i], loads[i])
     solve_held(system, hessian, right, miss, step, reaction)
-    return farthest if farthest < np.inf else np.inf
+    return True
 
 
 @kernel
@@ -360,7 +358,7 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
     reaction, gone = no_reaction(system), no_reaction(system)
     begin, hessian = new_configuration(system), new_hessian(system)
     begin.q[:] = q
-    neutral, farthest = age > 0.0, _FARTHEST * np.sum(system.lengths)
+    neutral = age > 0.0  # literals would be compiled for by themselves
     most = _MORE_CHANGES if afar else _CHANGES
     if not (afar or bears(system.effects.contact.contacts)):
         return False, begin, np.inf, np.inf, system, hessian, age, 0
@@ -378,7 +376,7 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
             break
         normal, shear = forces(table, state)
         same, rubs = _same(table, last), _rubs(table)
-        small = vanishes(loaded, state, residual, tolerance, afar)
+        small = _vanishes(loaded, state, residual, tolerance, afar)
         if small and violation < exact and near > 0.0:
             near = -exact  # candidates have done their work: judged is what holds without them
             normal, shear = forces_without_candidates(loaded, table, state)
@@ -386,7 +384,7 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
             loaded = loaded_by_contacts(loaded, state, previous, near, False, afar)
             state, residual, table, violation = kkt_residual(loaded, state.q)
             normal, shear = forces(table, state)
-            small = vanishes(loaded, state, residual, tolerance, afar)
+            small = _vanishes(loaded, state, residual, tolerance, afar)
         if small and violation < exact:
             if not same:  # the factorization is that of other contacts
                 age = np.inf
@@ -404,8 +402,8 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
             near = min(violation, _NEAR * np.sum(system.lengths))
         if fresh and not linearize(loaded, state, hessian, neutral):
             break
-        if not complementarity_step(loaded, state, table, hessian, most, 0.0, normal, shear, step,
-                                    right, reaction) < farthest:
+        if not complementarity_step(loaded, state, table, hessian, most, 0.0, _FARTHEST, normal,
+                                    shear, step, right, reaction):
             break
         change = largest_turn(loaded, hessian, step) + softness * _difference(table.force, normal)
         age = change if fresh else age + change
@@ -421,11 +419,10 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
 
 
 @kernel
-def vanishes(system, state, residual, tolerance, rounded):
-    """Whether a residual is below the tolerance, or what rounding errors make of it."""
-    if residual < tolerance or not rounded:
-        return residual < tolerance
-    return residual < _ROUGHEST and residual < gradient_noise(system, state)
+def _vanishes(system, state, residual, tolerance, afar):
+    """Whether a residual is below the tolerance, or, `afar`, what rounding errors make of it."""
+    return residual < tolerance or afar and as_rounded(residual, gradient_noise(system, state),
+                                                       tolerance)
 
 
 @kernel
@@ -473,9 +470,8 @@ def correction(system, strains, positions):
     if table.gap.size == 0 or not linearize(loaded, state, hessian, table.gap.size == 0):
         return np.inf
     most = 0 if is_held(system) else _CHANGES
-    if not complementarity_step(loaded, state, table, hessian, most, 0.0, normal, shear, step,
-                                step.copy(), no_reaction(system)) < (
-                                    _FARTHEST * np.sum(system.lengths)):
+    if not complementarity_step(loaded, state, table, hessian, most, 0.0, _FARTHEST, normal, shear,
+                                step, step.copy(), no_reaction(system)):
         return np.inf
     if not np.min(normal) > 0.0:
         return np.inf
@@ -529,8 +525,9 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
 
     A contact without force does not push. Nodes whose gap is below `near`, m, become candidates
     with a negligible force: the laws tell what they bear. They are those beside nodes that bear
-    (not beside points that roll), or all, and from `afar` whatever is pressed in. With a past
-    (`previous`) friction is that of the contacts there.
+    (not beside points that roll), or all (`everywhere`), and from `afar` whatever is pressed in;
+    then friction is a load, too, that of what sticks or all. With a past (`previous`) friction is
+    that of the contacts there.
     """
     given = system.effects.contact.contacts
     scene, k, lengths = system.effects.contact.scene, given.stiffness, system.lengths
@@ -559,14 +556,14 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
             gap, _, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
                                       state.positions, normal, hessian)
             push = contacts.multiplier[c]
-            if everywhere and _crosses(scene, contacts.obstacle[c], gap):
+            if everywhere and _crosses(scene, contacts.obstacle[c], contacts.element[c], gap):
                 push = 0.0
             elif not push > 0.0 and (afar and gap < -abs(near) or everywhere and gap < near):
                 push = _TINY * NEGLIGIBLE * k * abs(gap)
             contacts.multiplier[c] = _pushing(push, k * gap)
     for o in range(scene.kind.size):
         for node in range(force.shape[1]):
-            if everywhere and _crosses(scene, o, yielded[o, node] / k):
+            if everywhere and _crosses(scene, o, node, yielded[o, node] / k):
                 force[o, node] = 0.0
             elif everywhere and force[o, node] == 0.0 and yielded[o, node] < k * near:
                 force[o, node] = _TINY * NEGLIGIBLE * abs(yielded[o, node])
@@ -574,14 +571,14 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
     loaded = with_contacts(system, with_springs(contacts, k, contacts.node, contacts.multiplier),
                            scene)
     if afar:
-        turn_into_loads(loaded, state, np.inf if everywhere else STICKING)
+        turn_into_loads(loaded, state, everywhere)
     return loaded
 
 
 @kernel
-def _crosses(scene, o, gap):
+def _crosses(scene, o, node, gap):
     """Whether the axis is so near to the middle of a sheet that nothing tells to which side."""
-    return scene.kind[o] == SHEET and gap < -_CROSSES * radius_at_node(scene, o, 0)
+    return scene.kind[o] == SHEET and gap < -_CROSSES * radius_at_node(scene, o, node)
 
 
 @kernel
@@ -595,14 +592,14 @@ def crosses_a_sheet(system, state):
         while scene.kind[o] == SHEET and node <= last:
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                            hessian)
-            if _crosses(scene, o, gap):
+            if _crosses(scene, o, node, gap):
                 return True
             node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
         if contacts.obstacle[c] >= 0 and scene.kind[contacts.obstacle[c]] == SHEET:
-            gap, _, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
+            gap, e, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
                                       state.positions, normal, hessian)
-            if _crosses(scene, contacts.obstacle[c], gap):
+            if _crosses(scene, contacts.obstacle[c], e, gap):
                 return True
     return False
 

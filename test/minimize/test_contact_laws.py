@@ -146,6 +146,21 @@ def test_yielding_contacts_approach_the_laws(seed):
     assert wrong(forces, law.gap, 0.4) < 1e-4  # as exactly as a step asks for
 
 
+@pytest.mark.parametrize('seed', range(4))
+def test_contacts_yield_to_a_change_of_their_forces(seed):
+    rng = np.random.default_rng(seed)
+    law = laws(body(rng, 6), -np.abs(rng.normal(size=6)), None, np.abs(rng.normal(size=6)),
+               stiffness=0.3, spring=0.3, free=0.1 * rng.normal(size=6))
+    known, change, bears = yielding_forces(law, 0.5)
+    moved = law.free + law.compliance @ change
+    forces = np.concatenate([force_after(law, a, change, moved) for a in range(6)])
+    assert known and bears.any()
+    own = np.linalg.inv(np.linalg.inv(law.compliance) - 0.3 * np.eye(6)).diagonal()
+    gap = law.gap + moved + (0.5 + 1e-5 * own) * (forces - law.force)
+    np.testing.assert_allclose(gap[bears], 0.0, atol=1e-9)
+    assert (forces[bears] > 0.0).all() and (gap[~bears] > 0.0).all()
+
+
 @pytest.mark.parametrize('own', [-2.0, 2.0])
 def test_what_would_fall_once_it_is_let_go_is_no_solution(own):
     # the spring of the second contact, which bears nothing, holds up what is not stable
