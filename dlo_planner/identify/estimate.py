@@ -166,9 +166,8 @@ class PredictedMiss(Value):
             return 0.0
         if not np.isfinite(self.bound).all():
             return float('inf')
-        values, vectors = np.linalg.eigh(self.joint)
-        drawn = np.random.default_rng(0).standard_normal((_DRAWN, values.size)) * np.sqrt(
-            np.maximum(values, 0.0)) @ vectors.T + self.off.ravel()
+        drawn = self.off.ravel() + np.random.default_rng(0).standard_normal(
+            (_DRAWN, self.off.size)) @ _root(self.joint)
         misses = np.linalg.norm(drawn.reshape(_DRAWN, -1, 3), axis=2).max(axis=1)
         return float(np.quantile(misses, _SHARE))
 
@@ -179,10 +178,27 @@ class PredictedMiss(Value):
 
 
 def bound_of(off: Floats, covariance: Floats) -> float:
-    """Return the radius about a center that holds 95 % of a normal distribution in a plane."""
-    values, vectors = np.linalg.eigh(covariance)
-    points = off + _PLANE * np.sqrt(np.maximum(values, 0.0)) @ vectors.T  # all equally likely
+    """Return the radius about a center that holds 95 % of a normal distribution in a plane.
+
+    The plane is that of the largest deviations. The radius is the same in all axes, mirrored too.
+
+    Shapes: off (d,), covariance (d, d), d = 2 or 3.
+    """
+    axes = np.linalg.eigh(covariance + np.outer(off, off))[1][:, -2:].T
+    axes *= np.copysign(1.0, axes @ off)[:, None]  # eigenvectors have no sign of their own
+    points = axes @ off + _PLANE @ _root(axes @ covariance @ axes.T)  # all equally likely
     return float(np.quantile(np.linalg.norm(points, axis=1), _SHARE))
+
+
+def _root(covariance: Floats) -> Floats:
+    """Return the symmetric square root (n, n) of a covariance (n, n).
+
+    It is the only one: points that are drawn by eigenvectors alone change with their signs, and
+    with the axes of equal deviations, which rounding chooses.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    result: Floats = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    return result
 
 
 def _plane() -> Floats:
@@ -498,6 +514,4 @@ def _miss_at(estimate: Estimate, slopes_at: PointSlopes, known: Floats, later: F
     slopes[:, columns] -= across[:, number]
     robot = slopes[:, estimate.mean.size:]
     covariance = slopes @ known @ slopes.T + robot @ later @ robot.T
-    # in the plane of the largest deviations
-    axes = np.linalg.eigh(covariance + np.outer(off, off))[1][:, 1:].T
-    return off, slopes, bound_of(axes @ off, axes @ covariance @ axes.T)
+    return off, slopes, bound_of(off, covariance)

@@ -370,6 +370,16 @@ def test_the_bound_of_a_normal_distribution():
     assert bound_of(np.array([3.0, 4.0]), 0 * one) == pytest.approx(5.0)
 
 
+@pytest.mark.parametrize('off', [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (0.9, -0.7, 0.0)])
+@pytest.mark.parametrize('deviations', [(1.0, 1.0, 0.0), (1.0, 0.4, 0.0), (0.2, 0.0, 0.0)])
+def test_a_bound_does_not_hang_on_the_axes(rng, off, deviations):
+    off, covariance = np.array(off), np.diag(np.square(deviations))
+    for _ in range(8):
+        axes = np.linalg.qr(rng.normal(size=(3, 3)))[0] * rng.choice([-1.0, 1.0], size=3)
+        assert bound_of(axes @ off, axes @ covariance @ axes.T) == pytest.approx(
+            bound_of(off, covariance), rel=1e-6)
+
+
 def test_the_covariance_of_a_miss_against_other_states(rng):
     uncertain = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE, cutout=3e-3).uncertain
     z = uncertain.deviations * rng.normal(size=uncertain.size)
@@ -472,6 +482,9 @@ def test_the_bound_of_several_waypoints_together(rng):
     assert replace(miss, bound=np.array([1.0, np.inf, 1.0])).together == np.inf
     alike = replace(miss, joint=np.kron(np.outer(sizes, sizes), across))
     assert alike.together == pytest.approx(np.sqrt(-2 * np.log(0.05)), rel=0.02)  # of the first
+    aside = replace(miss, off=np.eye(3))
+    rounded = replace(aside, joint=miss.joint + 1e-13 * np.cov(rng.normal(size=(9, 30))))
+    assert rounded.together == pytest.approx(aside.together, rel=1e-6)
 
 
 def test_what_was_seen_of_the_robots_error_counts_nearby():
