@@ -217,10 +217,7 @@ class Chain:
         return place.translation.copy(), place.rotation.copy()
 
     def off(self, positions: Floats, place: Floats, turn: Floats) -> tuple[Floats, Floats]:
-        """Return by what (6,) the link is off a placement, m and rad, and its Jacobian (6, m).
-
-        Root axes, displacement before rotation vector.
-        """
+        """Return by what (6,) the link is off a placement (m, rad; root axes), and its Jacobian."""
         pin = pinocchio()
         jacobian = pin.computeFrameJacobian(
             self.model, self.data, self.configuration(positions), self._frame,
@@ -271,10 +268,7 @@ class SelfCollision:
         return np.array([result.min_distance for result in self._data.distanceResults])
 
     def way(self, moved: Floats) -> float:
-        """Return by how much, m, a distance can change at most while joints move by (m,).
-
-        Back and forth counts twice, rad or m.
-        """
+        """Return by how much, m, joints' ways (m,), there and back, change a distance at most."""
         return float(np.abs(moved) @ self._levers)
 
     def _both(self) -> list[tuple[Any, Any]]:

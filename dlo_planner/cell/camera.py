@@ -84,14 +84,7 @@ BAD = Camera(bias=0.5e-3, outliers=0.1, hidden=1 / 3, stamp_error=0.06)
 
 
 class Viewer:
-    """A Camera during one run: hands out its images as they arrive.
-
-    Parameters
-    ----------
-    camera : Camera
-    rng : np.random.Generator
-        Generator of its errors.
-    """
+    """A Camera during one run, its errors by `rng`: hands out its images as they arrive."""
 
     def __init__(self, camera: Camera, rng: np.random.Generator) -> None:
         self._camera, self._rng = camera, rng

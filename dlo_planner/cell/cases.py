@@ -34,9 +34,9 @@ def case(name: str, seed: int) -> tuple[Disturbances, Camera]:
 
 
 def strikes_inside(times: Iterable[float], begin: float, end: float) -> bool:
-    """Return whether something happens at one of the `times` while the DLO is in the hole.
+    """Return whether one of the `times` is in the DLO's stay in the hole, or shortly before, s.
 
-    Or too shortly before to be seen and to come to rest. `begin`, `end`: of its stay there, s.
+    So shortly that it is not seen, or the DLO not at rest, at the entry.
     """
     return any(begin - _REACTION <= time <= end for time in times)
 

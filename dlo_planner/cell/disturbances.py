@@ -44,11 +44,10 @@ class Slip(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bump(Value):
-    """Something pushes the DLO for a while.
+    """Something pushes the DLO for a while, by a force that rises and falls as sin^2.
 
-    The force rises and falls as sin^2. It is so large that the place which is pushed would move by
-    `displacement` at most if nothing else happened, by the small vibrations about the shape in
-    which the DLO is when it begins.
+    So large that the place which is pushed would move by `displacement` at most if nothing else
+    happened, by small vibrations about the shape at the beginning.
     """
 
     time: float  # time at which it begins, s
@@ -72,10 +71,7 @@ class Bump(Value):
         return float(np.sin(np.pi * x) ** 2) if 0 < x < 1 else 0.0
 
     def response(self, frequencies: Floats, lag: float) -> Floats:
-        """Return how oscillators of unit mass answer its `profile` while it pushes and after.
-
-        Shapes: frequencies (n,).
-        """
+        """Return how oscillators (n,) of unit mass answer its `profile`, while and after."""
         times = np.linspace(0, self.duration + _AHEAD * 2 * np.pi / frequencies[0], _PUSH)
         begun = _switched_on(frequencies, lag, self.duration, times)
         # sin^2 that goes on, less the same from its end on

@@ -80,37 +80,14 @@ class Passage(Value):
 class Plant:
     """A DLO in a moving gripper. At first it hangs freely at rest, fallen from its natural shape.
 
-    Parameters
-    ----------
-    rod : Rod
-        Rod as the planner knows it.
-    gripper : Pose
-        Measured Pose of the gripper at the beginning.
-    obstacles : iterable of obstacle, optional
-        Obstacles of `dlo_planner.model.obstacles`; a Sheet has one cut-out at most.
-    truth : Truth, optional
-        Truth. If None, all is as the planner knows it.
-    cells : int, optional
-        Number of cells of the chain.
-    step : float, optional
-        Step of time, s.
-    damping : float, optional
-        Ratio of the slowest vibration about the shape at the beginning, by a damping in proportion
-        to the stiffness. The engine adds some of its own, so the ratio is not below
-        `least_damping`.
-    gravity : array_like, shape (3,), optional
-        Gravity in m/s^2.
-    course : Course, optional
-        What disturbs it, but for lag and friction, which are the robot's and the obstacles'.
-    far_end : FarEnd, optional
-        What holds the far end, clamped or pinned: it is led there straight from where it hangs.
+    Rod, obstacles (a Sheet has one cut-out at most) and Pose are as the planner knows them and the
+    gripper measures it; what is true instead, Truth and Course say, but for lag and friction, which
+    are the robot's and the obstacles'. `damping` is the ratio of the slowest vibration at first, in
+    proportion to the stiffness, and `least_damping` at least: the engine has some of its own. A
+    `far_end`, clamped or pinned, is led there straight from where it hangs.
 
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense, or the DLO touches an obstacle at first.
-    NotConverged
-        The DLO does not come to rest.
+    Raises InvalidTask where the DLO touches an obstacle at first, NotConverged where it does not
+    come to rest.
     """
 
     def __init__(self, rod: Rod, gripper: Pose, obstacles: Iterable[Obstacle] = (), *,
@@ -191,10 +168,7 @@ class Plant:
         return passage_of(cutout, s, self._curve(s) - self.truth.shift_of(number))
 
     def natural_frequencies(self, count: int = 3) -> Floats:
-        """Return frequencies (count,) in Hz of small vibrations, the gripper at rest.
-
-        About the present shape, without contacts.
-        """
+        """Return frequencies (count,), Hz, of small vibrations about this shape, no contacts."""
         count = integer('count', count, minimum=1, maximum=self._model.nv - 6)
         data = mujoco.MjData(self._model)
         data.qpos[:] = self._data.qpos
@@ -373,10 +347,7 @@ class Plant:
 
 
 def passage_of(cutout: CutOut, s: Floats, places: Floats) -> Passage:
-    """Return the Passage of a line through a CutOut.
-
-    Shapes: s (n,), places (n, 3).
-    """
+    """Return the Passage of a line, s (n,), places (n, 3), through a CutOut."""
     local = (places - cutout.center) @ cutout.pose.rotation
     before, after = local[:-1], local[1:]
     pierced = np.flatnonzero((before[:, 0] < 0) != (after[:, 0] < 0))
@@ -405,10 +376,7 @@ def between(places: Floats, tangents: Floats, scaled: Floats, cell: float) -> Fl
 
 
 def linear(model: Any, data: Any) -> tuple[Floats, Floats]:
-    """Return the stiffness and mass matrices of the joints about a state at rest.
-
-    The stiffness is a difference quotient of the joints' forces.
-    """
+    """Return the stiffness (by differences) and mass matrices of the joints about a rest."""
     size = model.nv - 6
     mujoco.mj_forward(model, data)
     mass = np.zeros((size, model.nv))

@@ -82,10 +82,9 @@ class RobotError(Value):
         return bool(np.isinf(self.time))
 
     def link(self, elapsed: float, moved: float) -> float:
-        """Return the correlation of the errors at two looks, `elapsed` s and `moved` m apart.
+        """Return the correlation (below 1) of the errors at looks `elapsed` s and `moved` m apart.
 
-        Below 1, and that of an Ornstein-Uhlenbeck process, which a filter can follow from look to
-        look. It changes more in a short way than the smooth one.
+        That of an Ornstein-Uhlenbeck process, which a filter can follow from look to look.
         """
         return float(np.exp(-max(elapsed / self.time + moved / (_ROUGH * self.way), _LEAST_LINK)))
 
@@ -180,9 +179,7 @@ class PredictedMiss(Value):
 def bound_of(off: Floats, covariance: Floats) -> float:
     """Return the radius about a center that holds 95 % of a normal distribution in a plane.
 
-    The plane is that of the largest deviations. The radius is the same in all axes, mirrored too.
-
-    Shapes: off (d,), covariance (d, d), d = 2 or 3.
+    The plane is that of the largest deviations. Shapes: off (d,), covariance (d, d), d = 2, 3.
     """
     axes = np.linalg.eigh(covariance + np.outer(off, off))[1][:, -2:].T
     axes *= np.copysign(1.0, axes @ off)[:, None]  # eigenvectors have no sign of their own
@@ -202,10 +199,7 @@ def _root(covariance: Floats) -> Floats:
 
 
 def _plane() -> Floats:
-    """Return points (k, 2), equally likely, of a standard normal distribution in a plane.
-
-    On a spiral in steps of the golden angle: radii and directions are evenly likely.
-    """
+    """Return equally likely points (k, 2) of a standard normal distribution: a golden spiral."""
     k = np.arange(_POINTS)
     radii = np.sqrt(-2 * np.log1p(-(k + 0.5) / _POINTS))
     angles = np.pi * (3 - np.sqrt(5)) * k
@@ -505,10 +499,7 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
 
 def _miss_at(estimate: Estimate, slopes_at: PointSlopes, known: Floats, later: Floats,
              goal: Through) -> tuple[Floats, Floats, float]:
-    """Return the miss (3,) of one goal, its slopes (3, n + 6) and bound, m.
-
-    Shapes: known (n + 6, n + 6), later (6, 6).
-    """
+    """Return the miss (3,) of one goal, m, its slopes (3, n + 6) and its bound, m."""
     off, slopes, across = slopes_at.miss(goal)
     columns, number = estimate.uncertain.columns('cutout')
     slopes[:, columns] -= across[:, number]

@@ -106,10 +106,7 @@ class Swing:
         return cls(_SWING_STEP, np.array(bent), slowest_period(simulator.rod))
 
     def at(self, time: float) -> tuple[Floats, float]:
-        """Return `bent` (k, 3) at a time, s, and the largest there was in the period before, m.
-
-        Beyond the table's end it still swings about its rest; at infinity it is at rest.
-        """
+        """Return `bent` (k, 3) at a time, s, and the largest there was in the period before, m."""
         if np.isinf(time):
             return np.zeros_like(self.bent[0]), 0.0
         if time > self.dt * (len(self.bent) - 1):
@@ -149,10 +146,7 @@ class DloEstimator:
 
     @property
     def swing(self) -> float:
-        """Amplitude of the free end, m, since the gripper stands: what noise does not explain.
-
-        0 below three looks that agreed.
-        """
+        """Amplitude of the free end at rest, m, beyond noise; 0 below three looks that agreed."""
         with self._lock:
             ends = np.array(self._ends).reshape(-1, 4)
         if len(ends) < _LEAST_SWINGS:
@@ -162,16 +156,13 @@ class DloEstimator:
 
     @property
     def doubted(self) -> bool:
-        """Whether the last looks do not agree with the estimate: it is no more to be relied on.
-
-        Two of the last eight, or one that no chance explains.
-        """
+        """Whether two of the last eight looks do not agree with the estimate, or one not at all."""
         return sum(self._disagree) >= _DOUBT or _NO_CHANCE < self.surprise < np.inf
 
     def bent(self, stamp: float, gripper: Pose) -> tuple[Floats, float] | None:
-        """Return by how much a DLO in a known motion is off its rest at a stamp (s), or None.
+        """Return by how much (k, 3), m, a DLO in a known motion is off its rest at a stamp, s.
 
-        (k, 3), m, world axes; and what it was at most in the period before, m.
+        World axes; and what it was at most in the period before, m. None where it is not known.
         """
         known = self._swing
         if known is None:
@@ -187,10 +178,7 @@ class DloEstimator:
             self._begin(self._first)
 
     def reopen(self, stamp: float = -np.inf) -> None:
-        """Take the DLO as one that may have slipped in the gripper; what it is like stays known.
-
-        It is looked at again from a stamp (s) on.
-        """
+        """Take the DLO as one that may have slipped, from a stamp (s) on; the rest stays known."""
         with self._lock:
             seeing = self.seeing
             self._begin(self._observer.reopened(self.estimate, seeing.slip_position,
@@ -204,10 +192,7 @@ class DloEstimator:
 
     def vibration(self, gripper: Pose, since: float,
                   factor: tuple[float, float] = STATED) -> FreeVibration | None:
-        """Return how the DLO vibrates since the gripper stands in a Pose; None: it is not known.
-
-        Looks that were not believed count as well.
-        """
+        """Return how the DLO vibrates since the gripper stands, by all looks; None: unknown."""
         with self._lock:
             clouds = [cloud for cloud in self._clouds if cloud[0] >= since]
             estimate = self.estimate
@@ -235,10 +220,7 @@ class DloEstimator:
         self._swing = swing, time_at
 
     def hole(self, stated: Floats, seen: Floats) -> None:
-        """Take in where the center of a cut-out was seen; see `Observer.see_cutout`.
-
-        It has no effect where `seeing.cutout` is 0.
-        """
+        """Take in where a cut-out's center was seen (unless `seeing.cutout` is 0)."""
         seeing = self.seeing
         if not seeing.cutout:
             return
@@ -269,10 +251,7 @@ class DloEstimator:
         return abs(stamp - last) >= (min(period, _OFTEN) if often else period)
 
     def look(self, stamp: float, points: Floats) -> Estimate:
-        """Return the Estimate after one more cloud; if that does not agree, the one before.
-
-        Shapes: points (n, 3).
-        """
+        """Return the Estimate after one more cloud (n, 3), or the one before if they disagree."""
         if len(points) < _LEAST_POINTS:
             raise InvalidTask(f'observed_points has {len(points)} points: expected {_LEAST_POINTS} '
                               'at least')
@@ -361,10 +340,7 @@ def _judge_gap(stamps: Sequence[float], poses: Sequence[Pose], stamp: float) -> 
 
 
 def deviation(plan: Plan, time: float, points: Floats) -> float:
-    """Return the median distance of points (n, 3), m, from the DLO as planned at a time.
-
-    Between two waypoints the DLO is taken to go straight; the median does not mind outliers.
-    """
+    """Return the median distance, m, of points (n, 3) from the DLO as planned at a time, s."""
     times = plan.times
     k = int(np.clip(np.searchsorted(times, time, side='right') - 1, 0, max(len(plan) - 2, 0)))
     shapes = [plan.shapes[k], plan.shapes[min(k + 1, len(plan) - 1)]]
@@ -389,10 +365,7 @@ class RigidMotion(NamedTuple):
 
 def motion_at(stamps: Sequence[float] | Floats, poses: Sequence[Pose], stamp: float,
               length: float) -> RigidMotion:
-    """Return about how a body moves: by a parabola through what is known near that time.
-
-    Where it turns, the far end of a DLO of this `length` (m) counts.
-    """
+    """Return about how a DLO of a length, m, moves: by a parabola through what is near a stamp."""
     low, high = np.searchsorted(stamps, (stamp - _ABOUT, stamp + _ABOUT))
     if high - low < 3:
         return RigidMotion(0.0, 0.0, np.zeros(6))

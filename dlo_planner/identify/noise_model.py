@@ -199,10 +199,7 @@ class MEstimator:
 
 
 def _inverse(information: Floats, least: float) -> tuple[Floats, Floats]:
-    """Return the inverse (n, n) where it is known, and a basis (n, j) of what nothing is known of.
-
-    Shapes: information (n, n).
-    """
+    """Return the inverse (n, n) where it is known, and a basis (n, j) of where nothing is known."""
     size = np.sqrt(np.diag(information))
     size[size == 0] = 1.0
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
@@ -295,10 +292,9 @@ class Mixture(NamedTuple):
 
 
 def mixture(away: Floats, rows: Floats, noise: float, outliers: float, length: float) -> Mixture:
-    """Return the Mixture of distances.
+    """Return the Mixture of distances (m, d), m.
 
-    Shapes: away (m, d), m; rows (m, d, k): derivatives by what is another one in each look, normal
-    of unit variance.
+    Their slopes (m, d, k) are by what is another one in each look, normal of unit variance.
     """
     weights, square, likely, inner, scale = _most_likely(away, rows, noise, 0.0, outliers,
                                                          _ABOUT * length)
@@ -327,13 +323,10 @@ def mixture_cost(away: Floats, rows: Floats, scale: float, outliers: float,
 @kernel
 def _most_likely(away: Floats, rows: Floats, noise: float, scale: float, outliers: float,
                  side: float) -> tuple[Floats, Floats, Floats, Floats, float]:
-    """Return what is most likely of points, by expectation maximization.
+    """Return which points are likely the DLO's, and what is the look's own, searched in turn.
 
-    Which belong to the DLO and what is the look's own, a normal distribution of unit variance, are
-    searched in turn, first with a scale by the median of the squares, so that a large displacement
-    of all points makes no outliers of them.
-
-    Shapes: away (m, d), rows (m, d, k).
+    First with a scale by the median of the squares, so that a large displacement of all points
+    makes no outliers of them. Shapes: away (m, d), rows (m, d, k).
     """
     m, d, k = rows.shape
     likely = np.zeros(k)

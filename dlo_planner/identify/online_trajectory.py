@@ -40,21 +40,9 @@ _AT_ONCE = 1e-9  # s: waypoints reached so shortly one after the other are one (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Change(Value):
-    """Change of the remaining poses, blended in from some time on.
+    """Change (m, 6) of the poses at times (m,), s, blended in from `since`, s, on.
 
-    Attributes
-    ----------
-    since : float
-        Time at which the blending begins, s.
-    times : ndarray, shape (m,)
-        Times at which the remaining waypoints are reached, s, none before the last.
-    offsets : ndarray, shape (m, 6)
-        Change of their poses: rotation vector, rad, then displacement, m; world axes.
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it, its value and what would be right.
+    Rotation vectors, rad, then displacements, m, in world axes; no time before the last waypoint's.
     """
 
     since: float
@@ -71,10 +59,7 @@ class Change(Value):
         super().__post_init__()
 
     def at(self, times: Floats, order: int = 0) -> Floats:
-        """Return (n, 6) the unblended change at times (n,) s, or its derivative of `order` by time.
-
-        A cubic spline between the waypoints, constant before the first and after the last.
-        """
+        """Return the unblended change (n, 6) at times (n,), s, or a derivative by time."""
         if self._spline is None:
             return np.repeat(self.offsets[:1] * (order == 0), len(times), axis=0)
         known = self._spline.x
@@ -311,12 +296,9 @@ class Steered(Value):
 
 
 def step_response(times: Floats, windows: Floats, order: int = 0) -> Floats:
-    """Return (n,) a unit step at time 0 averaged over moving windows, or a derivative of that.
+    """Return (n,) a unit step, averaged over moving windows (k,), at times (n,), or a derivative.
 
-    In closed form: the Laplace transform of a step is 1 / s, and a window of width w multiplies it
-    by (1 - exp(-s w)) / (s w).
-
-    Shapes: times (n,), windows (k,).
+    In closed form: a step's Laplace transform, 1 / s, by (1 - exp(-s w)) / (s w) for each window.
     """
     power, out = len(windows) - order, np.zeros(np.shape(times))
     times = np.minimum(times, np.sum(windows))  # at rest from there on

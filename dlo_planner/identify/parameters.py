@@ -106,10 +106,7 @@ CAUSES = tuple(field.name for field in fields(Uncertainty))
 
 
 def variation_deviations(count: int) -> Floats:
-    """Return (count,): standard deviations of the coefficients of P_1 ... P_count.
-
-    The mean square along the DLO is 1; the part of P_j falls like 1 / j^2: its slope is bounded.
-    """
+    """Return (count,) deviations of the coefficients of P_1, ...: like 1 / j^2, mean square 1."""
     j = np.arange(1, count + 1)
     return np.sqrt((2 * j + 1) / j**2 / np.sum(1 / j**2)) if count else np.zeros(0)
 
@@ -296,7 +293,7 @@ class Unknowns:
         return {name: self._written(name, self._numbers(rod, name)) for name in self.names}
 
     def deviations(self, x: Floats, spread: Floats) -> dict[str, Any]:
-        """Return dict of standard deviations of the values at x, those of x being `spread` (n,).
+        """Return the standard deviations of the values at x, by those of x (n,).
 
         What is known by its logarithm is log-normal: known badly, its deviation is larger yet.
         """
@@ -440,18 +437,12 @@ class ParameterizedMesh:
         return follow(solved, solved(before.gripper, before), gripper)
 
     def slopes(self, x: Floats, shape: Shape, s: Floats, sensitivity: Sensitivity) -> Floats:
-        """Return (m, 3, n) derivatives by x of the points at s (m,) of an equilibrium at x.
-
-        The gripper stays, and a point at its part of the length.
-        """
+        """Return (m, 3, n) slopes of points at s (m,), m, at their parts of the length."""
         return moved_points(shape, s, *self.strain_slopes(x, shape, sensitivity))
 
     def strain_slopes(self, x: Floats, shape: Shape,
                       sensitivity: Sensitivity) -> tuple[Floats, Floats]:
-        """Return derivatives by x of the strains (n, N, 3) and of the elements' stretch (n, N).
-
-        A change of the potential changes the strains by a solve with the Hessian.
-        """
+        """Return derivatives by x of the strains (n, N, 3) and of the elements' stretch (n, N)."""
         parameters = self.parameters
         system = shape.state.made_on.static
         stiff = np.diff(shape.s)[:, None] * system.stiffness
@@ -516,10 +507,7 @@ class ParameterizedMesh:
 
 
 def moved_points(shape: Shape, s: Floats, strains: Floats, stretch: Floats) -> Floats:
-    """Return (m, 3, k): how the points at s (m,) move by k changes, the gripper held.
-
-    Shapes: strains (k, N, 3), 1/m; stretch (k, N) of the elements, in parts of their lengths.
-    """
+    """Return how points move (m, 3, k) by changes of strains (k, N, 3) and of stretch (k, N)."""
     elements = np.clip(np.searchsorted(shape.s, s, side='right') - 1, 0, shape.s.size - 2)
     fractions = (s - shape.s[elements]) / np.diff(shape.s)[elements]
     lengths, own, rotations, _ = kernel_arrays(shape)

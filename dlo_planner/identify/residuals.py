@@ -141,11 +141,7 @@ def _at_rest(unknowns: Unknowns, one: Observation, shape: Shape, errors: PoseErr
 
 
 class PoseErrors:
-    """The error of the gripper's pose in one observation: `where` of the unknowns x (n,).
-
-    They are in standard deviations: `deviations` (count, 6) are unit twists times these, rad
-    before m.
-    """
+    """The error of one pose: `where` of the unknowns x (n,), in units `deviations` (count, 6)."""
 
     def __init__(self, deviations: Floats, where: slice, x: Floats) -> None:
         self.deviations, self.where, self.count = deviations, where, len(deviations)
@@ -323,10 +319,7 @@ def _refined(given: list[Pose], dt: float, parts: int) -> list[Pose]:
 
 
 def positions_in_motion(motion: Motion, times: Floats, s: Floats) -> Floats:
-    """Return positions (k, m, 3) of the points at arc lengths `s` (m,) in a Motion at `times` (k,).
-
-    Between the instants of the motion they go on cubics with its velocities.
-    """
+    """Return the points (k, m, 3) at `s` (m,) and `times` (k,), on cubics between the instants."""
     places = [shape.positions_at(s) for shape in motion.shapes]
     speeds = [[np.interp(s, shape.s, part) for part in velocities.T]
               for shape, velocities in zip(motion.shapes, motion.velocities, strict=True)]
@@ -337,13 +330,9 @@ def positions_in_motion(motion: Motion, times: Floats, s: Floats) -> Floats:
 @kernel
 def nearest(s: Floats, lengths: Floats, strains: Floats, rotations: Floats, positions: Floats,
             points: Floats) -> tuple[Floats, Bools]:
-    """Return arc lengths (m,) of the DLO's nearest points, and whether each is beyond an end.
+    """Return arc lengths (m,) of the DLO's nearest points to (m, 3), and whether beyond an end.
 
     Chords tell the element, Newton's method finds the point on its arc and those beside it.
-
-    Args:
-        s: (N + 1,) m; lengths: (N,); strains: (N, 3); rotations: (N + 1, 3, 3);
-            positions: (N + 1, 3); points: (m, 3)
     """
     n = lengths.size
     out, outward = np.empty(points.shape[0]), np.zeros(points.shape[0], dtype=np.bool_)

@@ -113,10 +113,7 @@ class Information(NamedTuple):
 
     @classmethod
     def of(cls, look: Look, slopes: Floats, fit: Mixture) -> Information:
-        """Return the Information of a Look whose predicted points have the derivatives `slopes`.
-
-        Shapes: slopes (m, d, n), along its axes.
-        """
+        """Return the Information of a Look whose points have slopes (m, d, n) along its axes."""
         root = (np.sqrt(fit.weights) / fit.scale)[:, None]
         rows = (slopes * root[:, :, None]).reshape(-1, slopes.shape[2])
         matrix, vector = rows.T @ rows, rows.T @ (look.away * root).ravel()
@@ -199,8 +196,7 @@ def _ratio(chi_square: float, degrees: float) -> float:
 class LagWindow:
     """What an estimate remembers: the looks from the last poses, and older ones linearized.
 
-    Of the state x (n,) and the robot's errors e at each keyframe (p, none where the robot is
-    exact), both in their standard deviations.
+    Of the state x (n,) and the robot's errors (p,) at each keyframe, in standard deviations.
     """
 
     x: Floats       # (n + p,) mean by the prior and by forgotten looks; e at the last of them
@@ -270,8 +266,7 @@ def solved(matrix: Floats, right: Floats) -> Floats:
 class _Evaluated(NamedTuple):
     """A state y, and the Shape and the Looks of each keyframe there.
 
-    y (n + p (k + 1),) in standard deviations: the state, the robot's error at the last forgotten
-    keyframe, and at each of the k keyframes.
+    y (n + p (k + 1),): x, the robot's error at the last forgotten keyframe, those at all k.
     """
 
     y: Floats
@@ -585,8 +580,7 @@ def innovation_of(before: Floats, expected: Floats, after: Floats,
                   left: Floats) -> tuple[float, float]:
     """Return the chi-square by which a look moved a state, and its degrees of freedom.
 
-    The change of a Kalman filter's state has the covariance P- less P+; only directions count in
-    which the look lowered the variance.
+    The change has the covariance P- less P+; directions count whose variance the look lowered.
     """
     root = np.linalg.cholesky(expected)
     moved = solve_triangular(root, after - before, lower=True)

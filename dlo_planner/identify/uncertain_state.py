@@ -146,10 +146,7 @@ class UncertainState(Value):
         return twist if error is None else twist + error
 
     def offset(self, z: Floats, error: Floats | None = None) -> Pose:
-        """Return the true Pose of the gripper in the frame of the measured one.
-
-        Shapes: z (n,), error (6,) of the robot, rad before m.
-        """
+        """Return the true Pose in the measured one's frame, with a robot's `error` (6,)."""
         twist = self._gripper_twist(z, error)
         return Pose.from_rotation(twist[3:], Rotation.from_rotvec(twist[:3]).as_matrix())
 
@@ -162,10 +159,7 @@ class UncertainState(Value):
         return self._part(z, 'cutout')
 
     def slopes(self, z: Floats, shape: Shape, error: Floats | None = None) -> PointSlopes:
-        """Return the PointSlopes by z of the equilibrium `shape` at z.
-
-        With an `error` of the robot (6,): by that as well, see `offset`.
-        """
+        """Return the slopes by z of the equilibrium at z; by the robot's `error` (6,) if given."""
         sensitivity, n = Sensitivity(shape), self.size
         mesh, x = self.mesh(shape.state.made_on), z[:self.parameters.size]
         robot = np.arange(3 if error is not None else 0)
@@ -210,7 +204,7 @@ class PointSlopes(NamedTuple):
         return out
 
     def miss(self, goal: Through) -> tuple[Floats, Floats, Floats]:
-        """Return by how much the Shape misses a point, (3,) m, and derivatives (3, n) of that.
+        """Return by how much the Shape misses a point, (3,) m, and the slopes (3, n) of that.
 
         They are across the DLO, which may pass elsewhere along itself; (3, 3) is what is across.
         """

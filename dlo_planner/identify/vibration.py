@@ -128,9 +128,7 @@ def _fitted(moved: Floats, static: Floats, away: Floats, times: Floats,
             known: tuple[float, float]) -> tuple[Floats, tuple[float, float], float, Floats]:
     """Return coefficients, the factor of the frequencies, what is left, m, and the variances.
 
-    By Gauss-Newton steps for the common factor of the frequencies, in which points are weighed.
-
-    Shapes: away (n, 3), times (n,).
+    By Gauss-Newton steps for the factor, points (n, 3) weighed in each.
     """
     count, factor, weights = len(modes), known[0], np.ones(len(away))
     x, scale = np.zeros(2 * count + static.shape[2]), 1.0

@@ -89,10 +89,7 @@ class ContactFamily:
                             * system.lengths[:, None]).sum())
 
     def shape(self, force: float) -> Shape:
-        """Return the Shape with this force of contact, N; it may not be admissible.
-
-        One that lies in an obstacle has no stability: nobody asks.
-        """
+        """Return the Shape with this force of contact, N; not every one is admissible."""
         if force not in self.known:
             self._check()
             state, gripper = self.hanging(force)
@@ -131,10 +128,7 @@ class ContactFamily:
         return float(descend(system, state.q, np.inf, 0, True).stability)
 
     def _sag(self, strain: Floats) -> float:
-        """Return the depth, m, of a DLO that curves into the obstacle at the contact.
-
-        Shapes: strain (3,).
-        """
+        """Return the depth, m, of a DLO that curves into the obstacle by a strain (3,)."""
         bend, normal = np.empty((3, 3)), np.empty(3)
         signed_distance(self._scene, self._body, np.array(self.place), normal, bend)
         _, curve = along_the_dlo(normal, bend, self.frame, strain)
@@ -149,7 +143,7 @@ class ContactFamily:
     def merit(self, force: float) -> float:
         """Return a number that is positive where the shape with this force is admissible.
 
-        Continuous, except for -inf where the integration does not end in an equilibrium.
+        Continuous, but -inf where the integration does not end in an equilibrium.
         """
         shape = self.shape(force)
         length = float(shape.s[-1])
@@ -165,10 +159,7 @@ class ContactFamily:
 
 
 def _about_the_axis(surroundings: Surroundings) -> Surroundings:
-    """Return Surroundings whose DLO is round, as thick as a rectangular one along its b axis.
-
-    The b axis points away from the obstacle that is touched.
-    """
+    """Return Surroundings whose DLO is round, as thick as its b axis, which touches, is long."""
     half = Surface.of(surroundings.rod).half
     if half is None:
         return surroundings
@@ -210,10 +201,7 @@ def _placed(scene: Scene, contact: Pose, radius: float,
 
 
 def _cantilever(mesh: Discretization, node: int, frame: Floats) -> tuple[Floats, Floats]:
-    """Return the rotation (3, 3) of the free end, and the strain (3,) at the contact.
-
-    The DLO beyond the contact is released from its natural shape.
-    """
+    """Return the rotation (3, 3) of a released free end, and the strain (3,) at the contact."""
     if node == mesh.s.size - 1:
         return np.array(frame, order='C'), mesh.natural[-1]
     s = mesh.s[node]

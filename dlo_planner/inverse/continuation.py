@@ -73,10 +73,7 @@ class Passing(NamedTuple):
         return self._replace(since=since)
 
     def trend(self, depth: float) -> tuple[Shape, float] | None:
-        """Return the Shape before on the same mesh, and how many such steps it is to `depth` (m).
-
-        None if it is not known, or not a few steps on.
-        """
+        """Return the Shape before on the same mesh, and how many such steps to `depth`, or None."""
         if self.since is None or self.since.shape.s is not self.shape.s:
             return None
         ahead = steps_ahead(self.depth - self.since.depth, depth - self.depth)
@@ -204,8 +201,7 @@ class Family(ABC):
     def replayed(self, last: Shape | None, passing: Passing) -> Passing:
         """Return a Passing as a motion from the last waypoint finds it, on that motion's mesh.
 
-        Which mesh keeps the accuracy depends on the way: the search for a plan takes smaller steps
-        than the gripper, some backwards. On another one the DLO would miss by the accuracy.
+        The search takes smaller steps, some backwards: its mesh would miss by the accuracy.
         """
         if self.soft or self.simulator.mesh_after(last) is passing.shape.mesh:
             return passing
@@ -246,8 +242,7 @@ def continue_family(builder: PlanBuilder, follower: Follower,
                     may_roll: bool = False) -> tuple[list[Passing], bool]:
     """Fill a PlanBuilder with the waypoints of a Family, or raise Infeasible.
 
-    Where the DLO would hardly be stable, or a waypoint is refused, the gripper rolls if it
-    `may_roll`. Also returned is whether it did.
+    Also returned is whether the gripper rolled, which it does only where a waypoint needs it.
     """
     family, passings, rolled = follower.family, list[Passing](), False
     for index in range(builder.wanted):
@@ -272,10 +267,7 @@ def continue_family(builder: PlanBuilder, follower: Follower,
 
 def _rolled(builder: PlanBuilder, family: Family, before: Passing,
             best: Passing | None) -> Passing | None:
-    """Return a Passing that is stable enough, the gripper rolled as little as that takes.
-
-    If there is none, the most stable one, or `best`.
-    """
+    """Return a Passing rolled as little as makes it stable enough, or the most stable one."""
     target = builder.depth
     most = largest_turn(builder.step / family.simulator.rod.length)
     for part in _ROLLS:
@@ -368,10 +360,7 @@ class Aligned(Family):
 
 
 class GivenPoses(Family):
-    """The shapes as the gripper goes from pose to pose: the depth is the index of the next one.
-
-    Nothing is sought but the equilibrium. The far end is free, or held by `far_end`.
-    """
+    """The equilibria as the gripper goes from pose to pose; the depth is the next one's index."""
 
     what = 'at the pose'
     longest = shortest = np.inf  # the direct simulation makes its own steps
@@ -485,10 +474,7 @@ class TwoPoints(Family):
         return self._between(shapes, s1, s2)
 
     def last_crossings(self, shapes: HangingShapes) -> tuple[Crossings, Floats]:
-        """Return where the shapes whose free end is at the second center cross the grid.
-
-        And the depth (m,) of each in the first.
-        """
+        """Return the Crossings of the shapes that end in the second center, and depths (m,)."""
         away = np.linalg.norm(shapes.positions - shapes.positions[:, -1:], axis=2)
         s1 = shapes.s[-1] - _first_above(shapes.s[-1] - shapes.s[::-1], away[:, ::-1], self._apart)
         crossed = self._between(shapes, s1, np.full(len(away), shapes.s[-1]))
@@ -496,10 +482,7 @@ class TwoPoints(Family):
         return crossed, shapes.s[-1] - ((1 - crossed.shares) * s1[a] + crossed.shares * s1[b])
 
     def least_miss(self, shapes: HangingShapes) -> float:
-        """Return the least distance (m) of a stable shape's free end from the second center.
-
-        The shape passes the first center somewhere; its turn about the vertical is free.
-        """
+        """Return the least distance (m) of a free end from the second center, through the first."""
         stable = shapes.stability > 0
         chords = shapes.positions[stable, -1:] - shapes.positions[stable]
         height = chords @ shapes.up

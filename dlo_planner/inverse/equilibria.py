@@ -54,22 +54,14 @@ _ROUNDS = 30
 
 
 def hanging(system: Problem, end: Floats) -> tuple[Configuration, Floats]:
-    """Return the Configuration and the gripper's rotation (3, 3) that `integrate_from_tip` finds.
-
-    Shapes: end (3, 3).
-    """
+    """Return a Configuration and the gripper's rotation (3, 3) that `integrate_from_tip` finds."""
     strains, base = integrate_from_tip(system, end)
     return configuration_at(system._replace(base=base), strains), base
 
 
 @kernel
 def integrate_from_tip(system: Problem, end: Floats) -> tuple[Floats, Floats]:
-    """Return strains (N, 3) and gripper rotation (3, 3) in equilibrium, from the end's rotation.
-
-    Args:
-        system: its `base` is not used
-        end: (3, 3) rotation of the free end
-    """
+    """Return strains (N, 3) and gripper rotation in equilibrium, from the end's rotation (3, 3)."""
     n = system.lengths.size
     lengths, natural, stiffness = system.lengths, system.natural, system.stiffness
     pull = system.effects.load.pull
@@ -140,10 +132,7 @@ class HangingShapes:
 
 
 def hanging_shapes(surroundings: Surroundings, s: Floats) -> HangingShapes | None:
-    """Return the HangingShapes of a DLO; None if its loads are not along one axis, or are zero.
-
-    Shapes: s (N + 1,).
-    """
+    """Return a DLO's HangingShapes, s (N + 1,); None if loads are not along one axis, or zero."""
     mesh = Discretization(surroundings, s, 'local', 0)
     load = mesh.static.pull
     size = np.linalg.norm(load, axis=1)
@@ -229,10 +218,7 @@ class Crossings:
 
 
 def crossings(shapes: HangingShapes, vectors: Floats, goal: Floats, s: float | Floats) -> Crossings:
-    """Return the stable Crossings of the curve where vectors (n, 3), turned upright, are `goal`.
-
-    Shapes: goal (3,).
-    """
+    """Return the stable Crossings of the curve where vectors (n, 3), turned upright, are `goal`."""
     up = shapes.up
     misfit = vectors @ up - goal @ up
     a, b = shapes.edges.T
@@ -292,10 +278,7 @@ def _headings(vectors: Floats, goal: Floats, up: Floats) -> Floats:
 
 
 def _nearest_rotations(frames: Floats) -> tuple[Floats, Bools]:
-    """Return the rotations (m, 3, 3) nearest to mixed ones, and which (m,) are: opposites are not.
-
-    The orthogonal factors of their polar decompositions.
-    """
+    """Return the rotations (m, 3, 3) nearest to mixed ones, and which (m,) are not opposites."""
     left, sizes, right = np.linalg.svd(frames)
     rotations = left @ right
     good: Bools = (sizes[:, -1] > _OPPOSITES) & (np.linalg.det(rotations) > 0)

@@ -111,10 +111,7 @@ class Route:
 
 def find_route(layers: Sequence[Crossings], depths: Floats, first: Floats,
                length: float) -> Route | None:
-    """Return the Route of least motion of the gripper, as deep as possible; None if none begins.
-
-    Shapes: first (m,).
-    """
+    """Return the Route of least motion, as deep as possible, begun at costs (m,), or None."""
     costs, origins = sweep(layers, first, length)
     if not np.isfinite(first).any():
         return None
@@ -126,9 +123,9 @@ def find_route(layers: Sequence[Crossings], depths: Floats, first: Floats,
 
 def sweep(layers: Sequence[Crossings], first: Floats,
           length: float) -> tuple[list[Floats], list[Ints]]:
-    """Return costs [(m,)] of the best routes to each crossing, and their origins [(m,)].
+    """Return costs [(m,)] of the best routes to each crossing, and origins [(m,)] (Bellman 1957).
 
-    The lists end with the last curve that can be reached: dynamic programming (Bellman 1957).
+    The lists end with the last curve that can be reached.
     """
     costs, origins = [first], []
     for one, other in zip(layers, layers[1:], strict=False):

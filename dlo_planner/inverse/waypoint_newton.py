@@ -122,23 +122,14 @@ def free_axis(reference: Floats, direction: Floats) -> Floats:
 @kernel
 def solve_goals(system: Problem, q: Floats, nodes: Floats, goals: GoalTable, origin: Floats,
                 reach: Floats, tolerance: float, exact: float, max_iterations: int) -> Any:
-    """Find an equilibrium that has goals, or misses them least within reach.
+    """Find an equilibrium that has goals, or misses them least within reach (6,), rad and m.
 
-    Args:
-        system: Problem without obstacles, far end, plasticity; the gripper starts in its `base`
-        q: (m, 3) scaled unknowns to start from
-        nodes: (N + 1,) arc lengths, m, read-only
-        goals: g of them, all of weights of 1/rad and 1 / length, or 0
-        origin: (3,) position of the gripper; moved, m
-        reach: (6,) half axes, rad and m, of the ellipsoid in which the gripper stays where goals
-            may be missed; infinite: they may not
-        tolerance: of the residual
-        exact: what the goals may miss or, where they may be missed, the last step in parts of reach
-        max_iterations: Newton steps at most
+    The gripper starts in the Problem's base, at origin (3,), which is moved; q (m, 3) are the
+    unknowns, nodes (N + 1,) m. `exact`: what the goals may miss or, where they may be missed (a
+    finite reach), the last step in parts of it.
 
-    Returns:
-        state, positions from the gripper; base (3, 3); arc lengths of the goals (g,), m; residual,
-        stability (smallest eigenvalue of the Hessian), iterations, converged
+    Returned are state, positions from the gripper; base; arc lengths of the goals (g,), m;
+    residual, stability (smallest eigenvalue of the Hessian), iterations, converged.
     """
     length, count, soft = nodes[nodes.size - 1], goals.kind.size, reach[0] < np.inf
     here = with_gripper(system, system.base.copy(), system.origin)
@@ -319,13 +310,10 @@ def _fill_twists(system: Problem, state: Configuration, answers: Floats, nodes: 
 @kernel
 def _least_squares(rows: Floats, missed: Floats, scale: Floats, gone: Floats, bounded: bool,
                    out: Floats) -> bool:
-    """Fill out (6,): the motion of the gripper after which least is missed, to first order.
+    """Fill out (6,): the gripper's motion after which least is missed (n,), to first order.
 
-    Args:
-        rows: (n, 7), of turns, shifts and the step of the strains, which is made in any case
-        missed: (n,)
-        scale: (6,) rad and m, units of the motion
-        gone: (6,) in them; bounded: whether |gone + out / scale| <= 1, by a multiplier
+    Rows (n, 7) are of turns, shifts and the strains' step, which is made in any case; `scale` (6,)
+    are units. If bounded, |gone + out / scale| <= 1, by a multiplier.
     """
     square, right = np.zeros((6, 6)), np.zeros(6)
     trace = 0.0
@@ -357,10 +345,7 @@ def _least_squares(rows: Floats, missed: Floats, scale: Floats, gone: Floats, bo
 
 @kernel
 def _solve_shifted(square: Floats, shift: float, right: Floats, out: Floats) -> None:
-    """Fill out (6,): the solution of (square + shift) out = right, by Cholesky's method.
-
-    Shapes: square (6, 6), its lower half.
-    """
+    """Fill out (6,): (square + shift) out = right, by Cholesky, from the lower half of square."""
     lower = square.copy()
     for i in range(6):
         lower[i, i] += shift
@@ -477,11 +462,9 @@ def follow_goals(system: Problem, bases: Floats, strains: Floats, frames: Floats
 @kernel
 def _go_ahead(earlier_base: Floats, earlier: Floats, ahead: float, base: Floats,
               strains: Floats) -> None:
-    """Go on with base (3, 3) and strains (N, 3), 1/m, as they have changed since earlier ones.
+    """Go on with base (3, 3) and strains (N, 3) `ahead` times the change since earlier ones.
 
-    Args:
-        earlier_base, earlier: (3, 3), (N, 3)
-        ahead: how many times that change; as it was where the base would turn far
+    The base as it was where it would turn far.
     """
     if ahead <= 0.0:
         return
@@ -548,13 +531,11 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
            origin: Floats = ORIGIN, place: Floats = ORIGIN,
            reach: tuple[float, float] | None = None, most: Floats | None = None,
            least: float = -np.inf) -> list[Found]:
-    """Return the shapes that have goals at some sets of arc lengths, until one is in doubt.
+    """Return the shapes that have goals at sets of arc lengths s (k, g), until one is in doubt.
 
-    reach: how far the gripper may go where they may be missed, rad and m; None: they may not. The
-    DLO then has to be stable.
-
-    Shapes: s (k, g); origin (3,): of the gripper, from `place` (3,), m: where the first goal is
-    that is no given one, or what given ones count from.
+    reach: how far the gripper may go where they may be missed, rad and m; None: they may not, and
+    the DLO has to be stable. origin (3,): of the gripper, from `place` (3,), m: where the first
+    goal is that is no given one, or what given ones count from.
     """
     check_movable(mesh.surroundings)  # it is solved in a gripper at the origin
     begin = mesh.strains_from(shape.s, shape.element_strains)
@@ -590,10 +571,7 @@ def goal_shape(simulator: DirectSimulator, guess: Shape, goals: GoalTable, s: Ar
                free: Floats = ORIGIN, trend: tuple[Shape, float] | None = None,
                origin: Floats = ORIGIN, place: Floats = ORIGIN,
                reach: tuple[float, float] | None = None) -> Found | None:
-    """Return what `follow` finds at `s`, on a mesh as fine as the simulator's, or None.
-
-    Shapes: s () or (g,), m; free (3,); origin, place (3,).
-    """
+    """Return what `follow` finds at `s`, on a mesh as fine as the simulator's, or None."""
     mesh, shape = guess.state.made_on, guess
     where = np.array(np.broadcast_to(s, (1, goals.kind.size)), dtype=float)
     for _ in range(MESHES):

@@ -124,10 +124,7 @@ def _described(values: Values) -> tuple[Rod, dict[str, Any]]:
 
 def inverse_of(values: Values, direct: DirectSimulator,
                keep_out: Iterable[Any] = ()) -> InverseSimulator:
-    """Return the InverseSimulator of a DirectSimulator, with the workspace of the values.
-
-    The gripper keeps out of its obstacles, and of those of `keep_out`.
-    """
+    """Return the InverseSimulator of a DirectSimulator, which keeps out of `keep_out`, too."""
     workspace = Workspace(values['workspace.lower'], values['workspace.upper'],
                           (*direct.obstacles, *keep_out), values['workspace.gripper_radius'])
     return InverseSimulator(direct, workspace=workspace,
@@ -216,10 +213,7 @@ def _bare_rod(values: Values) -> Rod:
 
 
 def _rows(values: Values, name: str, width: int) -> list[list[float]]:
-    """Return the rows that a parameter lists one after the other.
-
-    Each begins with a place; a row with nothing but 0 behind it says nothing, and is left out.
-    """
+    """Return a parameter's rows (a place first), without those that say nothing but 0."""
     listed = values[name]
     if len(listed) % width or not np.isfinite(listed).all():
         raise InvalidTask(f'parameter {name} = {listed!r}: expected finite numbers, {width} by '
@@ -302,10 +296,7 @@ _STIFFNESSES = 'bending_stiffness', 'mass_per_length'
 
 
 def parameters_of_estimate(estimate: Estimate, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters (name -> value) that change by an Estimate.
-
-    Torsion of a section is told by Poisson's ratio, which is 0.5 at most.
-    """
+    """Return the parameters that change by an Estimate; Poisson's ratio is 0.5 at most."""
     parameters = estimate.uncertain.parameters
     x = estimate.mean[:parameters.size]
     (twist, bend, _), (mass, *_) = (factors(x).tolist() for factors in (

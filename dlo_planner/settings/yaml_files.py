@@ -146,10 +146,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 def read_values(source: str | Path,
                 changes: Iterable[str] = ()) -> tuple[dict[str, Any], list[str]]:
-    """Return the values of all parameters (name -> value), and warnings.
-
-    Warned of is what has no effect: names that do not exist, sizes that another section has.
-    """
+    """Return the values of all parameters (name -> value), and warnings of what has no effect."""
     path = config_file(source)
     given = _of_node(path, read_yaml(path))
     for change in changes:

@@ -42,11 +42,7 @@ _ALIKE = 1e-6   # m: positions in one slice
 
 
 def plot_report(report: ValidationReport, ax: Axes | None = None) -> Figure:
-    """Return the Figure of a ValidationReport, see `ValidationReport.plot`.
-
-    Bars of its distances, blue those that should be small, green those that should be large; and,
-    in a new figure, the speeds of its trajectory with their limits.
-    """
+    """Return the Figure of `ValidationReport.plot`: blue what should be small, green what large."""
     trajectory = report.trajectory
     if ax is not None or trajectory is None:
         axes = _axes(ax)

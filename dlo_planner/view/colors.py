@@ -39,10 +39,7 @@ class Coloring(NamedTuple):
 
 
 def viridis(share: ArrayLike) -> Floats:
-    """Return colors (n, 3) of shares (n,): 0 dark violet, 1 bright yellow, beyond it ALERT.
-
-    What is not known (nan) is gray.
-    """
+    """Return colors (n, 3) of shares (n,): 0 violet, 1 yellow, beyond it ALERT, nan gray."""
     share = np.asarray(share, dtype=float)
     steps = np.linspace(0.0, 1.0, len(_VIRIDIS))
     colors = np.column_stack([np.interp(share, steps, channel) for channel in _VIRIDIS.T])

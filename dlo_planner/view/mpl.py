@@ -230,10 +230,7 @@ _DOT_AREA = 8.0    # points^2
 
 def draw(axes: Any, items: Iterable[Primitive],
          side: tuple[int, int] = SIDES['x']) -> list[Any]:
-    """Draw Primitives; return the artists, so that a film can replace them.
-
-    Texts are left out: what they say stands in legends and color bars.
-    """
+    """Draw Primitives without texts, which legends say; return the artists, for a film."""
     artists = []
     for item in items:
         if item.kind != 'text':

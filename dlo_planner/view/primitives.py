@@ -231,12 +231,7 @@ def _cylinder(size: Floats) -> list[Floats]:
 
 
 def cut_box(point: Floats, normal: Floats, low: Floats, high: Floats) -> Floats:
-    """Return the corners (n, 3) in m, in order, of the part of a plane that is in a box.
-
-    None where the plane does not cut it.
-
-    Shapes: point, normal (3,), low, high (3,).
-    """
+    """Return the corners (n, 3), m, in order, of the part of a plane in a box, or None."""
     corners = low + (_CORNERS + 0.5) * (high - low)
     height = (corners - point) @ normal
     crossed = [corners[a] + height[a] / (height[a] - height[b]) * (corners[b] - corners[a])

@@ -315,10 +315,7 @@ class Page:
 
 
 def eye(low: Floats, high: Floats) -> Floats:
-    """Return from where (3,) m a camera sees the box from `low` (3,) to `high` (3,) as a whole.
-
-    It looks at the middle of the box, its field of view is `_FIELD`.
-    """
+    """Return from where (3,), m, a camera sees the box from `low` to `high` (3,) as a whole."""
     back = _VIEW / np.linalg.norm(_VIEW)
     right = np.cross((0.0, 0.0, 1.0), back)
     right /= np.linalg.norm(right)

@@ -230,10 +230,7 @@ class ContactProblem:
         return self.confirmed(force) if self.merit(force) > 0 else None
 
     def motion(self, force: float) -> list[Shape]:
-        """Return confirmed Shapes through all forces about an admissible one, ascending.
-
-        Each gripper is near the one before.
-        """
+        """Return confirmed Shapes, each gripper near the one before, by all forces about one."""
         found = self.nearest_confirmed(force)
         if found is None:
             return []

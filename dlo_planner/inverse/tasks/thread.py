@@ -221,10 +221,7 @@ def _starts(simulator: DirectSimulator, curve: Crossings, task: Threading) -> Fl
 
 
 def certificate(simulator: DirectSimulator, cutout: CutOut, depths: Floats) -> str:
-    """Return in words at which depths (n,), m, stable shapes pass a cut-out, as `Infeasible` does.
-
-    The shapes are those of a quick simulator, in all directions of the free end.
-    """
+    """Return in words at which depths (n,), m, quickly found stable shapes pass a cut-out."""
     quick = quick_simulator(simulator)
     shapes = hanging_shapes(quick.surroundings, grid_nodes(quick))
     if shapes is None:
@@ -263,11 +260,9 @@ def trim_to_clearance(plan: Plan, cutout: CutOut, clearance: float, may_end: boo
 
 
 def deepest(planned: Callable[[Floats], Plan], depths: Floats) -> Plan:
-    """Return the Plan of the depths that can be reached, and of the deepest one found.
+    """Return the Plan of the depths (n,) that can be reached, and of the deepest one found.
 
     Its `fraction` is the deepest depth as a part of the last requested one.
-
-    Shapes: depths (n,).
     """
     try:
         return planned(depths)

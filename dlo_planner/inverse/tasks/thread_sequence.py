@@ -121,10 +121,7 @@ class NearestToCenters(Family):
         return passing
 
     def _goals(self, depth: float, gripper: Pose, turns: float) -> GoalTable:
-        """Return what the DLO should be like at a depth, m, after the gripper was at a Pose.
-
-        A roll by 1 rad from there counts as a miss of `turns` m.
-        """
+        """Return the goals at a depth, m, and near a Pose: a roll by 1 rad counts as `turns` m."""
         length = self.simulator.rod.length
         share = np.clip((depth - self._reached) / (_BLEND * length) + 1, 0, 1)
         share = share**2 * (3 - 2 * share)

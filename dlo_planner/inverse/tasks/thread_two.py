@@ -211,7 +211,7 @@ def certificate(simulator: DirectSimulator, task: Threading) -> str:
 
 def _no_beginning(simulator: DirectSimulator, task: Threading,
                   shapes: HangingShapes) -> Infeasible | None:
-    """Return why the DLO cannot begin along any direction that leads through both; None if it can.
+    """Return why the DLO cannot begin along any direction through both, or None if it can.
 
     It is the Infeasible with the smallest amount, of the constraint 'start' if there is one.
     """
@@ -271,10 +271,7 @@ def other_changes(simulator: DirectSimulator, task: Threading,
 
 def at_the_second(simulator: DirectSimulator, task: Threading,
                   shapes: HangingShapes) -> tuple[Crossings, Floats, Floats]:
-    """Return all Crossings whose free end is at the second center, in the right directions.
-
-    And their depths (m,) and directions (m, 3) in the first one.
-    """
+    """Return the Crossings in the second, and their depths (m,), directions (m, 3) in the first."""
     changes, depths = _both(simulator, task).last_crossings(shapes)
     along = _directions(shapes, changes, simulator.rod.length - depths)
     first, second = task.cutouts
