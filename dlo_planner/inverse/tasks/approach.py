@@ -53,25 +53,6 @@ _STRAIGHT = None      # instead of backing off: translation and rotation at once
 _Station: TypeAlias = tuple[Pose, float]
 
 
-def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: Shape | None,
-             demands: Judge) -> Plan:
-    """Return the Plan from `start` to `first`, where a threading begins."""
-    behind = float((task.cutout.center - start.position) @ task.cutout.normal)
-    back = max(0.0, (1 + _MARGIN) * simulator.rod.length + demands.surface.bound - behind)
-    demands, quick = demands.made_with(simulator), quick_simulator(simulator)
-    trial, end = demands, task.first
-    if quick is not simulator:
-        trial, end = demands.silent().made_with(quick), quick.solve(end.gripper, end)
-
-    def planned(away: float | None) -> Plan:
-        plan = _from_behind(quick, replace(task, first=end), start, initial, trial, away)
-        return plan if quick is simulator else _from_behind(simulator, task, start, initial,
-                                                            demands, away)
-
-    return first_feasible(partial(planned, share if share is _STRAIGHT else share * back)
-                          for share in (_STRAIGHT, *(_SHARES if back else (0.0,))))
-
-
 def first_approach(approach: Callable[..., Plan], length: float, *arguments: Any,
                    **options: Any) -> Plan:
     """Return the first Plan of `InverseSimulator.approach` at any of its standoffs.
@@ -239,9 +220,24 @@ class Approach(Task):
         return ways[self._quickest(ways, context)]
 
     def _at(self, standoff: float, context: PlanContext) -> Plan:
-        assert context.start is not None  # judged before
-        return approach(context.without_obstacles, replace(self, standoff=standoff), context.start,
-                        context.initial, context.demands)
+        """Return the Plan that goes straight or, if it must, backs off as little as does."""
+        start, simulator = instance('start', context.start, Pose), context.without_obstacles
+        demands, quick = context.demands.made_with(simulator), quick_simulator(simulator)
+        behind = float((self.cutout.center - start.position) @ self.cutout.normal)
+        back = max(0.0, (1 + _MARGIN) * simulator.rod.length + demands.surface.bound - behind)
+        task = replace(self, standoff=standoff)
+        trial, end = demands, self.first
+        if quick is not simulator:
+            trial, end = demands.silent().made_with(quick), quick.solve(end.gripper, end)
+
+        def planned(away: float | None) -> Plan:
+            plan = _from_behind(quick, replace(task, first=end), start, context.initial, trial,
+                                away)
+            return plan if quick is simulator else _from_behind(
+                simulator, task, start, context.initial, demands, away)
+
+        return first_feasible(partial(planned, share if share is _STRAIGHT else share * back)
+                              for share in (_STRAIGHT, *(_SHARES if back else (0.0,))))
 
     def _quickest(self, ways: Sequence[Plan], context: PlanContext) -> int:
         """Return the index of the plan whose calm motion is the quickest, 0 if none is calm."""

@@ -321,44 +321,6 @@ def _family(simulator: DirectSimulator, contact: Pose, s: float,
     return ContactFamily(simulator, contact, s, demands.progress.check, elements)
 
 
-def hold_contact(simulator: DirectSimulator, task: HoldContact, start: Pose | None,
-                 demands: Judge) -> Plan:
-    """Return the Plan of a HoldContact task; see `InverseSimulator.hold_contact`."""
-    problem = ContactProblem.at(simulator, task, task.s, demands)
-    depth = simulator.rod.length - task.s
-    builder = PlanBuilder([depth], problem.demands)
-    if task.condition is not None:
-        shapes = [_chosen(problem, task.condition, start, builder)]
-    else:
-        minima = problem.minima(problem.cost('least_energy', None))
-        if not minima:
-            raise problem.refusal(builder)
-        shapes = problem.motion(minima[0][1]) if task.forces is None else [
-            shape for _, force in sorted(minima, key=lambda one: one[1])
-            for shape in [problem.confirmed(force)] if shape is not None]
-        if not shapes:
-            raise problem.unconfirmed(builder)
-    builder = PlanBuilder([depth] * len(shapes), problem.demands)
-    for shape in shapes:
-        builder.add(problem.waypoint(shape))
-    return builder.finished()
-
-
-def slide_contact(simulator: DirectSimulator, task: SlideContact, start: Pose | None,
-                  demands: Judge) -> Plan:
-    """Return the Plan of a SlideContact; see `InverseSimulator.slide_contact`."""
-    problem = ContactProblem.at(simulator, task, task.lengths[0], demands)
-    depths = simulator.rod.length - task.lengths
-    builder = PlanBuilder(depths, problem.demands)
-    how = 'least_energy' if task.condition == 'least_motion' and start is None else task.condition
-    first = _chosen(problem, how, start, builder)
-    family = (StraightSlide(problem, first.gripper) if task.mode == 'straight' else
-              AlignedSlide(problem, task.condition))
-    continue_family(builder, Follower(family, family.passing(first, depths[0]), depths[0], depths),
-                    family.waypoint)
-    return builder.finished()
-
-
 def _chosen(problem: ContactProblem, condition: str, start: Pose | None,
             builder: PlanBuilder) -> Shape:
     """Return the confirmed Shape that a condition prefers; raise Infeasible."""
@@ -594,21 +556,7 @@ def _next(near: _Trial, far: _Trial | None, before: _Trial) -> float:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class HoldContact(Task):
-    """Hold one contact; `InverseSimulator.hold_contact` says what the attributes mean.
-
-    Attributes
-    ----------
-    contact : Pose
-        Pose on the surface of an obstacle: x axis along the DLO, z axis outwards.
-    s : float
-        Arc length of the contact, m.
-    condition : str or None
-        'least_energy', 'least_force', 'least_motion', 'largest_clearance'. If None, all.
-    forces : ndarray, shape (n,) or None
-        Forces in N: only these are examined. If None, all.
-    min_force : float or None
-        Least force of the contact, N. If None, a tenth of weight + EI / L^2.
-    """
+    """Hold one contact; `InverseSimulator.hold_contact` says what the attributes mean."""
 
     touches: ClassVar[bool] = True
 
@@ -638,7 +586,24 @@ class HoldContact(Task):
         check_obstacles(context)
         if self.condition == 'least_motion' and context.start is None:
             raise InvalidTask('start = None: expected a Pose with condition \'least_motion\'')
-        return hold_contact(context.simulator, self, context.start, context.demands)
+        problem = ContactProblem.at(context.simulator, self, self.s, context.demands)
+        depth = context.rod.length - self.s
+        builder = PlanBuilder([depth], problem.demands)
+        if self.condition is not None:
+            shapes = [_chosen(problem, self.condition, context.start, builder)]
+        else:
+            minima = problem.minima(problem.cost('least_energy', None))
+            if not minima:
+                raise problem.refusal(builder)
+            shapes = problem.motion(minima[0][1]) if self.forces is None else [
+                shape for _, force in sorted(minima, key=lambda one: one[1])
+                for shape in [problem.confirmed(force)] if shape is not None]
+            if not shapes:
+                raise problem.unconfirmed(builder)
+        builder = PlanBuilder([depth] * len(shapes), problem.demands)
+        for shape in shapes:
+            builder.add(problem.waypoint(shape))
+        return builder.finished()
 
 
 def checked_forces(forces: object) -> Floats | None:
@@ -659,23 +624,7 @@ def check_obstacles(context: PlanContext) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SlideContact(Task):
-    """Slide along one contact; `InverseSimulator.slide_contact` says what the attributes mean.
-
-    Attributes
-    ----------
-    contact : Pose
-        Pose on the surface of an obstacle: x axis along the DLO, z axis outwards.
-    lengths : ndarray, shape (n,)
-        Arc lengths between gripper and contact, m, one after the other.
-    condition : str
-        'least_energy', 'least_force', 'least_motion', 'largest_clearance'.
-    forces : ndarray, shape (n,) or None
-        Forces in N: only these are examined. If None, all.
-    mode : str
-        'aligned' or 'straight'.
-    min_force : float or None
-        Least force of the contact, N. If None, a tenth of weight + EI / L^2.
-    """
+    """Slide along one contact, see `InverseSimulator.slide_contact` for the attributes."""
 
     touches: ClassVar[bool] = True
 
@@ -704,4 +653,13 @@ class SlideContact(Task):
         instance('context', context, PlanContext)
         row('lengths', self.lengths, most=MOST, above=0, below=context.rod.length)
         check_obstacles(context)
-        return slide_contact(context.simulator, self, context.start, context.demands)
+        problem = ContactProblem.at(context.simulator, self, self.lengths[0], context.demands)
+        depths, least = context.rod.length - self.lengths, self.condition == 'least_motion'
+        builder = PlanBuilder(depths, problem.demands)
+        first = _chosen(problem, 'least_energy' if least and context.start is None
+                        else self.condition, context.start, builder)
+        family = (StraightSlide(problem, first.gripper) if self.mode == 'straight' else
+                  AlignedSlide(problem, self.condition))
+        continue_family(builder, Follower(family, family.passing(first, depths[0]), depths[0],
+                                          depths), family.waypoint)
+        return builder.finished()

@@ -44,7 +44,6 @@ from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import put
 from dlo_planner.plan.bore import insertion_force
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_accuracy, refusal_for_leap
-from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import gripper_motion
 from dlo_planner.plan.goal_rows import ROTATION, GoalTable
 from dlo_planner.plan.plan import Plan
@@ -207,43 +206,12 @@ class Insertion(Family):
                                 shape) if begins and shape.rod is not None else None
 
 
-def insert(simulator: DirectSimulator, bore: CutOut, depths: Floats, start: Pose | None,
-           demands: Judge) -> Plan:
-    """Return the Plan; see `InverseSimulator.insert`."""
-    holes = Holes([bore], simulator.rod.length, demands.obstacles, demands.surface)
-
-    def waypoint(passing: Passing) -> Waypoint:
-        shape = passing.shape
-        return holes.passed(waypoint_at(shape, bore.center, shape.s[-1], bore.normal))
-
-    def planned(begin: Candidate) -> Plan:
-        demands.progress.check()
-        end = np.array(begin.shape.frames[-1])  # of a series, about along the bore
-        family = Insertion(simulator, bore, least_turn(end[:, 0], bore.normal) @ end, depths)
-        builder = PlanBuilder(family.depths, demands)
-        continue_family(builder, Follower(family, family.first(), 0.0, family.way), waypoint)
-        return builder.finished()
-
-    return first_feasible(partial(planned, begin)
-                          for begin in start_candidates(simulator, bore.normal, start))
-
-
 _INSERTED = 0.99  # of the length, at most
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Insert(Task):
-    """Insert into a bore of about the DLO's diameter; see `InverseSimulator.insert`.
-
-    Attributes
-    ----------
-    bore : CutOut
-        Its center is that of the mouth, its normal points inwards; its radius is that of the bore.
-    depths : ndarray, shape (n,) or None
-        Arc lengths that are inside, m. If None, chosen by the solver.
-    friction : float or None
-        Coulomb's coefficient in the bore. If None, not known: `Plan.insertion_force` is nan.
-    """
+    """Insert into a bore; `InverseSimulator.insert` says what the attributes mean."""
 
     bore: CutOut
     depths: Floats | None = None
@@ -270,7 +238,23 @@ class Insert(Task):
         if context.simulator.surroundings.point_loads:
             raise InvalidTask('simulator.point_loads: expected none for an insertion, a part of '
                               'the DLO is in the bore')
-        plan = insert(context.without_obstacles, self.bore, depths, context.start, context.demands)
+        bore, demands, simulator = self.bore, context.demands, context.without_obstacles
+        holes = Holes([bore], simulator.rod.length, demands.obstacles, demands.surface)
+
+        def waypoint(passing: Passing) -> Waypoint:
+            shape = passing.shape
+            return holes.passed(waypoint_at(shape, bore.center, shape.s[-1], bore.normal))
+
+        def planned(begin: Candidate) -> Plan:
+            demands.progress.check()
+            end = np.array(begin.shape.frames[-1])  # of a series, about along the bore
+            family = Insertion(simulator, bore, least_turn(end[:, 0], bore.normal) @ end, depths)
+            builder = PlanBuilder(family.depths, demands)
+            continue_family(builder, Follower(family, family.first(), 0.0, family.way), waypoint)
+            return builder.finished()
+
+        plan = first_feasible(partial(planned, begin) for begin in start_candidates(
+            simulator, bore.normal, context.start))
         return replace(plan, insertion_force=np.array([
-            insertion_force(context.without_obstacles, self.bore, self.friction, depth, shape)
+            insertion_force(simulator, bore, self.friction, depth, shape)
             for depth, shape in zip(plan.depths, plan.shapes, strict=True)]))
