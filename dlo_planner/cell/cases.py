@@ -41,46 +41,27 @@ def strikes_inside(times: Iterable[float], begin: float, end: float) -> bool:
     return any(begin - _REACTION <= time <= end for time in times)
 
 
-def _nominal(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
-    return NOMINAL, BAD
-
-
-def _slip(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
-    return _slipped(rng, 2e-3, np.radians(1.0)), BAD
-
-
-def _small_slip(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
-    return _slipped(rng, 0.5e-3, np.radians(0.29)), BAD
-
-
 def _slipped(rng: np.random.Generator, back: float, turn: float) -> Disturbances:
     """Return a slip back, with a turn about any axis."""
     when, axis = rng.uniform(*_WHEN), rng.standard_normal(3)
     return replace(NOMINAL, slips=(Slip(when, back, turn * axis / np.linalg.norm(axis)),))
 
 
-def _bump(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
+def _bumped(rng: np.random.Generator) -> Disturbances:
     """Return a push of the free end or the middle in any direction."""
     bump = Bump(rng.uniform(*_WHEN), _PUSHED, rng.standard_normal(3), float(rng.choice((0.5, 1.0))))
-    return replace(NOMINAL, bumps=(bump,)), BAD
-
-
-def _wandering(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
-    return replace(NOMINAL, robot_position=0.0, robot_rotation=0.0, wander_position=0.7e-3,
-                   wander_rotation=2.5e-3), BAD
-
-
-def _hidden(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
-    return NOMINAL, replace(BAD, blind=_BLIND)
-
-
-def _second_cable(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
-    return NOMINAL, replace(BAD, second_cable=_SECOND)
+    return replace(NOMINAL, bumps=(bump,))
 
 
 CASES: dict[str, Callable[[np.random.Generator], tuple[Disturbances, Camera]]] = {
-    'nominal': _nominal, 'slip': _slip, 'small slip': _small_slip, 'bump': _bump,
-    'wandering': _wandering, 'hidden': _hidden, 'second cable': _second_cable}
+    'nominal': lambda rng: (NOMINAL, BAD),
+    'slip': lambda rng: (_slipped(rng, 2e-3, np.radians(1.0)), BAD),
+    'small slip': lambda rng: (_slipped(rng, 0.5e-3, np.radians(0.29)), BAD),
+    'bump': lambda rng: (_bumped(rng), BAD),
+    'wandering': lambda rng: (replace(NOMINAL, robot_position=0.0, robot_rotation=0.0,
+                                      wander_position=0.7e-3, wander_rotation=2.5e-3), BAD),
+    'hidden': lambda rng: (NOMINAL, replace(BAD, blind=_BLIND)),
+    'second cable': lambda rng: (NOMINAL, replace(BAD, second_cable=_SECOND))}
 
 # what the planner does not know, and the camera
 UNKNOWNS = {'nothing': (NOTHING_UNKNOWN, GOOD), 'much': (UNCERTAIN, GOOD),

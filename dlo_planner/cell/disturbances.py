@@ -91,8 +91,7 @@ def _switched_on(frequencies: Floats, lag: float, period: float, times: Floats) 
         size = (other * begins[0] - begins[1]) / (one - other)
         free += (size * np.exp(one * times)).real
     answer: Floats = steady + free
-    result: Floats = answer
-    return result
+    return answer
 
 
 @dataclass(frozen=True, eq=False, repr=False)

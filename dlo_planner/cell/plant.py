@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
@@ -342,8 +343,10 @@ class Plant:
 
     def _curve(self, s: Floats) -> Floats:
         """Return places (n, 3) at arc lengths (n,), cubic between the nodes."""
-        return between(*self._nodes(self._data), np.asarray(s) / self._chain.cell,
-                       self._chain.cell)
+        places, tangents = self._nodes(self._data)
+        nodes = self._chain.cell * np.arange(len(places))
+        curve: Floats = CubicHermiteSpline(nodes, places, tangents)(s)
+        return curve
 
 
 def passage_of(cutout: CutOut, s: Floats, places: Floats) -> Passage:
@@ -360,19 +363,6 @@ def passage_of(cutout: CutOut, s: Floats, places: Floats) -> Passage:
     first = s[pierced[0]] + part[0, 0] * (s[1] - s[0])
     worst = misses.argmax()
     return Passage(float(s[-1] - first), float(misses[worst]), *map(float, places[worst]))
-
-
-def between(places: Floats, tangents: Floats, scaled: Floats, cell: float) -> Floats:
-    """Return places on the cubic curve through nodes with unit tangents.
-
-    Shapes: places, tangents (n + 1, 3), scaled (k,).
-    """
-    k = np.minimum(scaled.astype(int), len(places) - 2)
-    x = (scaled - k)[:, None]
-    curve: Floats = (
-        places[k] * (1 - x) ** 2 * (1 + 2 * x) + places[k + 1] * x**2 * (3 - 2 * x)
-        + cell * x * (1 - x) * (tangents[k] * (1 - x) - tangents[k + 1] * x))
-    return curve
 
 
 def linear(model: Any, data: Any) -> tuple[Floats, Floats]:
@@ -461,7 +451,4 @@ def _around_hole(sheet: Sheet) -> list[Part]:
 
 def _z_along(direction: Floats) -> Floats:
     """Return a rotation (3, 3) whose z axis is along a direction."""
-    z = direction / np.linalg.norm(direction)
-    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
+    return Pose.looking_along((0.0, 0.0, 0.0), direction).rotation[:, [1, 2, 0]]

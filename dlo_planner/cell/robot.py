@@ -8,6 +8,7 @@ single ones may be behind, and one after the other it would leap.
 """
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
@@ -96,12 +97,5 @@ class Timetable:
 
 def nearer(one: Pose, other: Pose, share: float) -> Pose:
     """Return the Pose that is by a share of the way from one to another, evenly turned."""
-    begin, end = one.quaternion, other.quaternion
-    end = end if begin @ end >= 0 else -end
-    along = begin @ end
-    across = end - along * begin
-    size = float(np.sqrt(across @ across))
-    angle = float(np.arctan2(size, along))
-    quaternion = begin if not size else (
-        np.cos(share * angle) * begin + np.sin(share * angle) / size * across)
-    return Pose(one.position + share * (other.position - one.position), quaternion)
+    turns = Slerp((0, 1), Rotation.from_quat([one.quaternion, other.quaternion]))
+    return Pose(one.position + share * (other.position - one.position), turns(share).as_quat())
