@@ -341,13 +341,11 @@ def _judge_gap(stamps: Sequence[float], poses: Sequence[Pose], stamp: float) -> 
 
 def deviation(plan: Plan, time: float, points: Floats) -> float:
     """Return the median distance, m, of points (n, 3) from the DLO as planned at a time, s."""
-    times = plan.times
-    k = int(np.clip(np.searchsorted(times, time, side='right') - 1, 0, max(len(plan) - 2, 0)))
-    shapes = [plan.shapes[k], plan.shapes[min(k + 1, len(plan) - 1)]]
-    span = times[min(k + 1, len(plan) - 1)] - times[k]
-    share = float(np.clip((time - times[k]) / span, 0, 1)) if span > 0 else 0.0
+    place = float(np.interp(time, plan.times, np.arange(len(plan))))
+    k = int(place)
+    shapes = plan.shapes[k], plan.shapes[min(k + 1, len(plan) - 1)]
     one, other = (shape.positions_at(np.linspace(0, shape.s[-1], _BENT)) for shape in shapes)
-    return _median_distance(shapes[0], points, share * (other - one))
+    return _median_distance(shapes[0], points, (place - k) * (other - one))
 
 
 def _median_distance(shape: Shape, points: Floats, bent: Floats | None = None) -> float:

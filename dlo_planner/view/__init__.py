@@ -11,7 +11,7 @@ from dlo_planner.model.checks import choice, instance
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import COLORINGS
-from dlo_planner.view.pages import PlanPage, Replanner, checked
+from dlo_planner.view.pages import PlanPage, Replanner
 from dlo_planner.view.viser import LOCAL, PORT, Page
 
 __all__ = ['view']
@@ -53,7 +53,8 @@ def view(plan: Plan, inverse: InverseSimulator | None = None, *,
     MissingExtra
         Viser is not installed (extra `view`).
     """
-    checked(plan)
+    if not isinstance(plan, Plan) or not len(plan):
+        raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
     instance('inverse', inverse, InverseSimulator, optional=True)
     choice('color', color, COLORINGS)
     try:

@@ -29,7 +29,7 @@ from dlo_planner.view.scene import (
     plan_primitives,
     shape_primitives,
 )
-from dlo_planner.view.viser import Page, margins, message, pose_of, put_at, values_table
+from dlo_planner.view.viser import Page, margins, message, pose_of, put_at, table
 
 _SECONDS = 30.0   # of computing, after which a plan is given up
 _WAYPOINTS = 60   # most of a plan that follows a hand
@@ -242,13 +242,6 @@ def _end(plan: Plan) -> float:
     return max(float(np.ceil(plan.times[-1] / _STEP)), 1.0) * _STEP
 
 
-def checked(plan: Plan) -> Plan:
-    """Return a Plan that can be shown, or raise InvalidTask."""
-    if not isinstance(plan, Plan) or not len(plan):
-        raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
-    return plan
-
-
 _HANDLE = 0.12  # m
 _GOAL_AT = Pose((0.6, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))  # until it is dragged
 _START_AT = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))  # until the gripper is known
@@ -320,7 +313,7 @@ class LivePage:
 
     def put_margins(self, values: Mapping[str, str]) -> None:
         """Show named figures."""
-        self.margins.content = (values_table(values, 'of the last shape and plan')
+        self.margins.content = (table(('of the last shape and plan', ''), list(values.items()))
                                 if values else message('no plan yet'))
 
     def put_gripper(self, pose: Pose) -> None:

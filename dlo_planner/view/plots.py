@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct import statics
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask, MissingExtra
@@ -168,20 +168,15 @@ def between(value: Plan | Motion, painted: Sequence[Coloring],
 
     Straight between two shapes, where both have the same nodes; else of the one before.
     """
-    times = value.times
-    k = int(np.clip(np.searchsorted(times, time, side='right') - 1, 0, max(len(value) - 2, 0)))
-    after = min(k + 1, len(value) - 1)
-    span = times[after] - times[k]
-    share = float(np.clip((time - times[k]) / span, 0.0, 1.0)) if span > 0 else 1.0
+    place = float(np.interp(time, value.times, np.arange(len(value))))
+    k = int(place)
+    share, after = place - k, min(k + 1, len(value) - 1)
     if len(value.shapes[k].s) != len(value.shapes[after].s):
-        k = after = k if share < 1 else after
+        after = k
     one, other = value.shapes[k], value.shapes[after]
-    turn = Rotation.from_matrix(other.gripper.rotation @ one.gripper.rotation.T).as_rotvec()
-    gripper = Pose.from_rotation(
-        (1 - share) * one.gripper.position + share * other.gripper.position,
-        Rotation.from_rotvec(share * turn).as_matrix() @ one.gripper.rotation)
     return ((1 - share) * one.positions + share * other.positions,
-            (1 - share) * painted[k].colors + share * painted[after].colors, gripper)
+            (1 - share) * painted[k].colors + share * painted[after].colors,
+            statics.between(one.gripper, other.gripper, share))
 
 
 def checked_path(path: str | PathLike[str]) -> Path:

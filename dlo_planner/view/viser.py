@@ -54,11 +54,6 @@ def margins(plan: Plan, index: int) -> str:
     return table((f'waypoint {index + 1} of {len(plan)}', 'here', 'worst'), rows)
 
 
-def values_table(values: Mapping[str, str], first: str) -> str:
-    """Return the table of named values, the names headed `first`."""
-    return table((first, ''), list(values.items()))
-
-
 def margin_values(values: Mapping[str, str]) -> dict[str, str]:
     """Return what diagnostics of the planner say of margins, as the page says it."""
     return {name: _spoken(text) for name, text in values.items()
