@@ -21,7 +21,6 @@ from dlo_planner.settings.yaml_files import (
     load_yaml,
     read_values,
     read_yaml,
-    write_values,
     yaml_of,
 )
 
@@ -124,9 +123,3 @@ STRINGS = st.sampled_from(ODD_STRINGS) | st.text(
 def test_what_is_written_is_read_again_as_it_was(content):
     again = load_yaml(yaml_of(content), 'text')
     assert again == content and repr(again) == repr(content)
-
-
-def test_a_name_that_looks_like_a_number_stays_a_name(tmp_path):
-    values, _ = read_values('copper_wire', ['rod.name="1e3"'])
-    write_values(tmp_path / 'again.yaml', values)
-    assert read_values(tmp_path / 'again.yaml')[0]['rod.name'] == '1e3'

@@ -64,14 +64,6 @@ def test_changes_count_more_than_the_file():
     assert values['threading.may_yield'] is False
 
 
-@pytest.mark.parametrize(('text', 'value'), [
-    ('8e3', 8e3), ('8.0e3', 8e3), ('1E-3', 1e-3), ('.5', 0.5), ('-2e+1', -20.0), ('7', 7.0),
-    ('0.25', 0.25), ('1.', 1.0)])
-def test_numbers_are_numbers_as_ros_reads_them(tmp_path, text, value):
-    path = written(tmp_path, f'{WIRE}      natural_twist: {text}\n')
-    assert read_values(path)[0]['rod.natural_twist'] == value
-
-
 def test_a_dlo_that_is_described_in_part_is_refused_by_name(tmp_path):
     given = {'round': 'length diameter density youngs_modulus poisson_ratio',
              'tube': 'length diameter inner_diameter density youngs_modulus poisson_ratio',
