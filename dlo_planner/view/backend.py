@@ -7,8 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from html import escape
 from io import BytesIO
-from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,16 +31,12 @@ _PLOTS: dict[str, Callable[..., 'Figure']] = {
     'Trajectory': charts.plot_trajectory, 'Shapes': charts.plot_shapes}
 _THUMBNAIL, _DPI = (4.6, 3.1), 72  # inches
 plot_map = charts.plot_map  # see `CapabilityMap.plot`
+animate = film  # see `Filmed.animate`
 
 
 def plot(value: Value, **options: Any) -> 'Figure':
     """Return the Figure of a value, see `Pictured.plot` and `Reported.plot`."""
     return _PLOTS[kind_of(value, _PLOTS)](value, **options)
-
-
-def animate(value: Plan | Motion, path: str | PathLike[str], **options: Any) -> Path:
-    """Write a film of a value, see `Filmed.animate`."""
-    return film(value, path, **options)
 
 
 def summary(value: Value) -> str:
