@@ -157,7 +157,11 @@ class Chain:
             full = pin.buildModelFromXML(urdf)
         except Exception as error:  # Boost.Python: any may come
             raise InvalidTask(f'urdf = {shown(urdf)}: expected a robot; {error}') from None
-        followers = _followers(root)
+        # of each joint that follows another: its leader, multiplier and offset
+        followers = {joint.get('name', ''): (
+            mimic.get('joint', ''), float(mimic.get('multiplier', 1)),
+            float(mimic.get('offset', 0))) for joint in root.findall('joint')
+            if (mimic := joint.find('mimic')) is not None}
         if not full.existFrame(tool_link, pin.BODY):
             links = [frame.name for frame in full.frames if frame.type == pin.BODY]
             raise InvalidTask(f'tool_link = {tool_link!r}: expected a link of the URDF, one of '
@@ -409,13 +413,6 @@ def single_joints(root: ElementTree.Element) -> set[str]:
     """Return the names of the joints with one coordinate."""
     return {joint.get('name', '') for joint in root.findall('joint')
             if joint.get('type') in ('revolute', 'continuous', 'prismatic')}
-
-
-def _followers(root: ElementTree.Element) -> dict[str, tuple[str, float, float]]:
-    """Return for each joint that follows another: its leader, multiplier and offset."""
-    return {joint.get('name', ''): (mimic.get('joint', ''), float(mimic.get('multiplier', 1)),
-                                    float(mimic.get('offset', 0)))
-            for joint in root.findall('joint') if (mimic := joint.find('mimic')) is not None}
 
 
 def _resolve_meshes(root: ElementTree.Element, packages: Sequence[str]) -> list[str]:

@@ -113,7 +113,9 @@ class Viewer:
 
     def _image(self, plant: Plant, cutout: CutOut) -> Image:
         camera, rng = self._camera, self._rng
-        seen = _NEAR if self._is_blind(plant.time) else 1.0
+        while plant.time >= self._spell[1]:
+            self._spell = next(self._spells)
+        seen = _NEAR if self._spell[0] <= plant.time else 1.0  # the free third is hidden
         visible = rng.uniform(0, seen - camera.hidden, camera.points)
         visible[visible > self._from] += camera.hidden
         points = plant.points(plant.length * visible)
@@ -129,12 +131,6 @@ class Viewer:
             hole = vector('hole', cutout.center + plant.truth.shift_of(0) + self._bias
                           + camera.noise * rng.standard_normal(3), 3)
         return Image(plant.time + camera.stamp_error, points, hole)
-
-    def _is_blind(self, time: float) -> bool:
-        """Return whether the free third is hidden at a time in s, which never goes back."""
-        while time >= self._spell[1]:
-            self._spell = next(self._spells)
-        return self._spell[0] <= time
 
     def _on_second_cable(self, count: int, length: float, cutout: CutOut) -> Floats:
         """Return places (count, 3) on a slack cable, a parabola."""

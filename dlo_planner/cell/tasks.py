@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, integer, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Obstacle, Sheet
@@ -91,7 +90,10 @@ def draw_task(seed: int, name: str | None = None, radius: float | None = None) -
     rod = RODS[name]
     smallest = max(RADII[0], even_radius(rod) + _LEAST_ROOM)
     drawn = rng.uniform(smallest, RADII[1])
-    hole = CutOut(Pose.looking_along(_CENTER, _direction(rng)),
+    height = rng.uniform(-1, 1) * np.sin(_STEEPEST)
+    angle, level = rng.uniform(-np.pi, np.pi), np.sqrt(1 - height**2)
+    hole = CutOut(Pose.looking_along(
+        _CENTER, (level * np.cos(angle), level * np.sin(angle), height)),
                   radius=drawn if radius is None else radius)
     back, aside = rng.uniform(1.05, 1.4), rng.uniform(-0.3, 0.3, 2)
     position = hole.pose.position + rod.length * hole.pose.rotation @ (-back, *aside)
@@ -104,10 +106,3 @@ def even_radius(rod: Rod) -> float:
     if not isinstance(rod.radius, float):
         raise InvalidTask(f'rod.radius = {rod.radius!r}: expected a number')
     return rod.radius
-
-
-def _direction(rng: np.random.Generator) -> Floats:
-    """Return a direction (3,), any but the steepest."""
-    height = rng.uniform(-1, 1) * np.sin(_STEEPEST)
-    angle = rng.uniform(-np.pi, np.pi)
-    return np.array([*(np.sqrt(1 - height**2) * np.array([np.cos(angle), np.sin(angle)])), height])

@@ -56,7 +56,6 @@ from dlo_planner.settings.build import (
 )
 from dlo_planner.settings.tasks import plan_task, read_task
 from dlo_planner.settings.yaml_files import write_values
-from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.replay import replay as replayed
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.summary import rod_line, rows_of
@@ -243,7 +242,11 @@ def _finish(dlo: Described, found: Plan, prove: bool, outputs: Iterable[Path]) -
         if path.suffix.lower() == '.npz':
             write(found, [path])
         elif path.suffix.lower() in PICTURES + FILMS:
-            write(_retimed(found, report.trajectory), [path], obstacles=dlo.direct.obstacles)
+            # at the times at which the trajectory comes by the waypoints
+            times = np.linspace(0.0, report.trajectory.duration, max(1000, 20 * len(found)))
+            timed = replace(found, times=np.interp(
+                found.times, report.trajectory.progress(times), times))
+            write(timed, [path], obstacles=dlo.direct.obstacles)
         else:
             write(report.trajectory, [path], rate=dlo.values['execute.rate'])
 
@@ -258,12 +261,6 @@ def _proved(dlo: Described, found: Plan) -> ValidationReport:
                           deadline=values['threading.deadline'])
     click.echo(report.summary())
     return report
-
-
-def _retimed(found: Plan, trajectory: Trajectory) -> Plan:
-    """Return a Plan with the times at which a Trajectory of it comes by its waypoints."""
-    times = np.linspace(0.0, trajectory.duration, max(1000, 20 * len(found)))
-    return replace(found, times=np.interp(found.times, trajectory.progress(times), times))
 
 
 _GRAVITY = 9.81

@@ -25,10 +25,11 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.identify.estimate import Estimate, PredictedMiss, miss_of, passages_in
 from dlo_planner.identify.uncertain_state import stretched
+from dlo_planner.inverse.route import thinned
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.waypoint_newton import follow, free_axis
 from dlo_planner.minimize.newton import NEUTRAL
-from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import flag, instance, integer, items, results
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.rod import Rod
@@ -154,7 +155,10 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0, before: Correction |
         if plan.via_points[k]:
             shape = aim.shape(k, known[k])
             if shape is None:
-                return _as_planned(aim, plan, rest)
+                return Correction(
+                    first, tuple(plan.grippers[k] for k in rest), np.zeros((len(rest), 6)),
+                    aim.miss([k for k in rest if plan.via_points[k]]), False,
+                    tuple(plan.shapes[k] for k in rest))
             shapes[k] = shape
     grippers = {k: aim.commanded(shape.gripper) for k, shape in shapes.items()}
     moved = dict(zip(grippers, _offsets([plan.grippers[k] for k in grippers],
@@ -167,7 +171,7 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0, before: Correction |
             grippers[k] = displaced(plan.grippers[k], offsets[k - first])
     violation = None if inverse is None else _violation(aim, plan, shapes, grippers, inverse)
     return Correction(first, tuple(grippers[k] for k in rest), offsets,
-                      aim.miss(_some([k for k in rest if k in shapes]), shapes), True,
+                      aim.miss([k for k in rest if k in shapes], shapes), True,
                       tuple(shapes.get(k, plan.shapes[k]) for k in rest), violation)
 
 
@@ -226,7 +230,8 @@ class _Aim:
         else:
             mesh, (goals, free) = self._mesh(planned), self._goals(index)
             many = np.sum(goals.kind == THROUGH) > 1  # first two, then all
-            two = goals._replace(weight=goals.weight * ~self._further(goals)) if many else goals
+            further = (goals.kind == THROUGH) & (np.cumsum(goals.kind == THROUGH) > 1)
+            two = goals._replace(weight=goals.weight * ~further)
             found = follow(mesh, guess, two, goals.s[None], free, origin=guess.gripper.position)
             if many and found:
                 soft = goals._replace(weight=np.where(goals.kind == ROLL, _STILL, goals.weight))
@@ -235,12 +240,6 @@ class _Aim:
                                reach=(_TURN, _TURN / goals.weight[0]))
             shape = found[0].shape if found else None
         return None if shape is None or shape.stability < -NEUTRAL else shape
-
-    @staticmethod
-    def _further(goals: GoalTable) -> Bools:
-        """Return (g,) whether a goal is a place after the second one."""
-        further: Bools = (goals.kind == THROUGH) & (np.cumsum(goals.kind == THROUGH) > 1)
-        return further
 
     def _goals(self, index: int) -> tuple[GoalTable, Floats]:
         """Return the goals of a waypoint, and the direction about which it may roll."""
@@ -312,8 +311,9 @@ class _Aim:
         rotation = gripper.rotation @ self._offset.rotation.T
         return Pose.from_rotation(gripper.position - rotation @ self._offset.position, rotation)
 
-    def miss(self, waypoints: list[int], shapes: dict[int, Shape] | None = None) -> PredictedMiss:
-        """Return the PredictedMiss at some waypoints; nan of a DLO in a bore or in contact."""
+    def miss(self, passing: list[int], shapes: dict[int, Shape] | None = None) -> PredictedMiss:
+        """Return the PredictedMiss at some of the waypoints; nan of one in a bore or in contact."""
+        waypoints = thinned(np.array(passing, dtype=int), _LOOKED_AT).tolist()
         if all(self._plan.shapes[k].far_end is None and not self._plan.shapes[k].contacts
                for k in waypoints):
             return miss_of(self.estimate, self._plan, waypoints,
@@ -368,12 +368,6 @@ class _Aim:
             pull=fixed - forces - rod.node_masses(s)[:, None] * around.gravity)
 
 
-def _as_planned(aim: _Aim, plan: Plan, rest: Sequence[int]) -> Correction:
-    return Correction(rest[0], tuple(plan.grippers[k] for k in rest), np.zeros((len(rest), 6)),
-                      aim.miss(_some([k for k in rest if plan.via_points[k]])), False,
-                      tuple(plan.shapes[k] for k in rest))
-
-
 def _offsets(planned: Sequence[Pose], grippers: Sequence[Pose]) -> Floats:
     """Return (k, 6) the rotation vectors and displacements from k Poses to others."""
     if not grippers:
@@ -382,9 +376,3 @@ def _offsets(planned: Sequence[Pose], grippers: Sequence[Pose]) -> Floats:
         planned, grippers, strict=True)])).as_rotvec()
     return np.hstack([turns, [one.position - other.position for other, one in zip(
         planned, grippers, strict=True)]])
-
-
-def _some(indices: Sequence[int]) -> list[int]:
-    """Return a few of these indices, the first and the last among them."""
-    few = np.unique(np.linspace(0, len(indices) - 1, min(len(indices), _LOOKED_AT)).astype(int))
-    return [indices[k] for k in few] if indices else []

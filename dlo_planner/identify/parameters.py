@@ -261,7 +261,12 @@ class Unknowns:
 
     def __init__(self, rod: Rod, names: Iterable[str], knots: ArrayLike | None = None) -> None:
         self.rod, self.names = rod, items('parameters', names, str, least=1)
-        self.knots = None if knots is None else _checked_knots(knots, rod)
+        self.knots = None
+        if knots is not None:
+            self.knots = row('knots', knots, least=1, minimum=0, maximum=rod.length)
+            if (np.diff(self.knots) <= 0).any():
+                raise InvalidTask(f'knots = {self.knots.tolist()!r}: expected arc lengths that '
+                                  'grow')
         for name in self.names:
             choice('parameters', name, _NAMES)
         _check(rod, self.names, self.knots)
@@ -375,13 +380,6 @@ def _damping_units(rod: Rod) -> Floats:
                           'found')
     rate = _SLOWEST * np.sqrt(rod.stiffness[1:].min() / (mass * rod.length**3))
     return np.array([_DAMPED * rate, _DAMPED / rate])
-
-
-def _checked_knots(knots: ArrayLike, rod: Rod) -> Floats:
-    knots = row('knots', knots, least=1, minimum=0, maximum=rod.length)
-    if (np.diff(knots) <= 0).any():
-        raise InvalidTask(f'knots = {knots.tolist()!r}: expected arc lengths that grow')
-    return knots
 
 
 class ParameterizedMesh:

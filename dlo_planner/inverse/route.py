@@ -48,9 +48,7 @@ def quick_simulator(simulator: DirectSimulator) -> DirectSimulator:
 
 def grid_nodes(simulator: DirectSimulator) -> Floats:
     """Return nodes (N + 1,) for the grid's shapes, about _ELEMENTS elements."""
-    s = simulator.discretization(_ANY, None).s
-    some: Floats = s[np.unique(np.linspace(0, s.size - 1, min(s.size, _ELEMENTS + 1)).astype(int))]
-    return some
+    return thinned(simulator.discretization(_ANY, None).s, _ELEMENTS + 1)
 
 
 def gets_there(simulator: DirectSimulator, gripper: Pose, end: Floats,
@@ -129,7 +127,8 @@ def sweep(layers: Sequence[Crossings], first: Floats,
     """
     costs, origins = [first], []
     for one, other in zip(layers, layers[1:], strict=False):
-        total = costs[-1][:, None] + motion(one, other, length) + _weakness(other)
+        weak = np.clip(1 - other.stability / _WEAK, 0, 1)
+        total = costs[-1][:, None] + motion(one, other, length) + _DEAR * weak**2
         if not len(other) or not np.isfinite(total).any():
             break
         origins.append(np.argmin(total, axis=0))
@@ -152,10 +151,6 @@ def motion(one: Crossings, other: Crossings, length: float) -> Floats:
     shift = np.linalg.norm(one.places[:, None] - other.places, axis=2) / length
     far = (turn > _FARTHEST_TURN) | (shift > _FARTHEST_SHIFT)
     return np.where(far, np.inf, turn**2 + shift**2)
-
-
-def _weakness(crossings: Crossings) -> Floats:
-    return _DEAR * np.clip(1 - crossings.stability / _WEAK, 0, 1) ** 2
 
 
 def with_certificate(planned: Callable[[], Plan], prove: Callable[[], str]) -> Plan:

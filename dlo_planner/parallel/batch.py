@@ -84,7 +84,9 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     grippers, chains = _poses(work)
     rods = None if rods is None else _rods(simulator, rods, grippers if chains is None else None)
     checked(executor)
-    chunk = _chunk(simulator, chunk, chains is None)
+    quick = chains is None and simulator.mesh.hangs and has_free_loop(simulator)
+    chunk = (_QUICK if quick else _AT_ONCE) if chunk is None else integer(
+        'chunk', chunk, minimum=1, maximum=_MOST)
     steps = Progress(progress, deadline)
     with Pool(executor, steps.check) as pool:
         if chains is None:
@@ -135,14 +137,6 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
     shapes = map(simulator, grippers, rods=rods, chunk=chunk, progress=progress, deadline=deadline)
     assert isinstance(shapes, Shapes)  # there are no motions in it
     return shapes
-
-
-def _chunk(simulator: DirectSimulator, chunk: int | None, each_alone: bool) -> int:
-    """Return how many poses are in one piece of work."""
-    if chunk is None:
-        quick = each_alone and simulator.mesh.hangs and has_free_loop(simulator)
-        return _QUICK if quick else _AT_ONCE
-    return integer('chunk', chunk, minimum=1, maximum=_MOST)
 
 
 def _rods(simulator: DirectSimulator, rods: Iterable[Rod],

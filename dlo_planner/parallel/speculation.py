@@ -96,7 +96,10 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
     checked(executor)
     tasks = 1 if tasks is None else integer('tasks', tasks, minimum=1, maximum=_MOST_TASKS)
     steps, grippers = Progress(progress, deadline), poses(grippers)
-    at_first = _first_shape(initial, dt)
+    instance('initial', initial, (Shape, Motion), optional=True)
+    at_first = initial if isinstance(initial, Shape) else None
+    if dt is None and at_first is not initial:
+        raise InvalidTask(f'initial = {initial!r}: expected a Shape where dt is None')
     if dt is not None:
         dt = number('dt', dt, above=0)
     alone = any(getattr(simulator.surroundings, name) for name in _NO_MATTER)
@@ -112,14 +115,6 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
         make = partial(AheadStepper, rounds, len(grippers) - 1)
         return motion_by(make, simulator, grippers, dt, steps, initial, None, velocity, tolerance,
                          integrator)
-
-
-def _first_shape(initial: Shape | Motion | None, dt: float | None) -> Shape | None:
-    """Return `initial` if it is a Shape, else None; raise InvalidTask if it makes no sense."""
-    instance('initial', initial, (Shape, Motion), optional=True)
-    if dt is None and isinstance(initial, Motion):
-        raise InvalidTask(f'initial = {initial!r}: expected a Shape where dt is None')
-    return initial if isinstance(initial, Shape) else None
 
 
 def _work(shape: Shape) -> int:

@@ -255,28 +255,23 @@ def parameters_of_fit(fit: Fit, values: Mapping[str, Any]) -> dict[str, object]:
         if name not in NAMES or np.ndim(value) > 1:
             raise InvalidTask(f'fit.values[{name!r}]: expected one of {", ".join(NAMES)}, constant '
                               'along the DLO')
-    out = {f'rod.{name}': _plain(fit.values[name]) for name in _ALIKE if name in fit.values}
+    out = {f'rod.{name}': np.asarray(fit.values[name], dtype=float).tolist()
+           for name in _ALIKE if name in fit.values}
     changed = {'bending_stiffness', 'torsional_stiffness', 'mass_per_length'} & fit.values.keys()
     if not changed:
         return out
     if values['rod.section'] == 'stiffness':
         return out | _by_stiffness(fit.rod, changed)
-    bend, twist, mass = _ratios(fit, values)
+    before, after, middle = rod_of(values), fit.rod, [0.5 * values['rod.length']]
+    (twist, bend, _), = after.stiffnesses(middle) / before.stiffnesses(middle)
+    mass, = after.masses_per_length(middle) / before.masses_per_length(middle)
     poisson = (1 + values['rod.poisson_ratio']) * bend / twist - 1
     if not _POISSON[0] <= poisson <= _POISSON[1]:
         every = {'bending_stiffness', 'torsional_stiffness', 'mass_per_length'}
         return {'rod.section': 'stiffness'} | _by_stiffness(fit.rod, every) | out
-    return out | {'rod.youngs_modulus': values['rod.youngs_modulus'] * bend,
+    return out | {'rod.youngs_modulus': float(values['rod.youngs_modulus'] * bend),
                   'rod.poisson_ratio': float(poisson),
-                  'rod.density': values['rod.density'] * mass}
-
-
-def _ratios(fit: Fit, values: Mapping[str, Any]) -> tuple[float, float, float]:
-    """Return by which bending stiffness, torsional stiffness and mass have grown."""
-    before, after, middle = rod_of(values), fit.rod, [0.5 * values['rod.length']]
-    (twist, bend, _), = after.stiffnesses(middle) / before.stiffnesses(middle)
-    mass, = after.masses_per_length(middle) / before.masses_per_length(middle)
-    return float(bend), float(twist), float(mass)
+                  'rod.density': float(values['rod.density'] * mass)}
 
 
 def _by_stiffness(rod: Rod, names: Collection[str]) -> dict[str, object]:
@@ -285,10 +280,6 @@ def _by_stiffness(rod: Rod, names: Collection[str]) -> dict[str, object]:
     known = {'bending_stiffness': [float(one) for one in bend], 'torsional_stiffness': float(twist),
              'mass_per_length': float(mass)}
     return {f'rod.{name}': known[name] for name in known if name in names}
-
-
-def _plain(value: ArrayLike) -> object:
-    return np.asarray(value, dtype=float).tolist()
 
 
 _SECTIONS = 'youngs_modulus', 'density'

@@ -188,7 +188,9 @@ class ContactProblem:
         """
         guess = self._guess(force)
         if rolling:
-            guess = _off_the_nodes(guess, self.s)
+            place, elements = self.s / guess.s[-1], guess.s.size - 1
+            guess = guess.resample(min((elements, elements + 1),
+                                       key=lambda count: abs(count * place % 1 - 0.5)))
         shape = self._reached(guess)
         off = np.linalg.norm(shape.frame_at(self.s)[1] - self.family.place)
         same = (abs(self.force_of(shape, self.s) - force) <= _SAME_FORCE * force
@@ -306,13 +308,6 @@ class ContactProblem:
             return builder.refusal('contact', off, f'{why}off by {off:.3g} m')
         return builder.refusal(broken.name, -broken.room, f'{why}there, but: {broken.message}',
                                broken.unit)
-
-
-def _off_the_nodes(shape: Shape, s: float) -> Shape:
-    """Return a Shape on even elements none of which ends at the arc length `s`, m."""
-    place, elements = s / shape.s[-1], shape.s.size - 1
-    return shape.resample(min((elements, elements + 1),
-                              key=lambda count: abs(count * place % 1 - 0.5)))
 
 
 def _family(simulator: DirectSimulator, contact: Pose, s: float,

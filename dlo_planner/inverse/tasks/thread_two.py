@@ -273,18 +273,14 @@ def at_the_second(simulator: DirectSimulator, task: Threading,
                   shapes: HangingShapes) -> tuple[Crossings, Floats, Floats]:
     """Return the Crossings in the second, and their depths (m,), directions (m, 3) in the first."""
     changes, depths = _both(simulator, task).last_crossings(shapes)
-    along = _directions(shapes, changes, simulator.rod.length - depths)
     first, second = task.cutouts
+    hung = changes.pairs[:, 0]
+    turns = changes.grippers @ np.swapaxes(shapes.frames[hung, 0], 1, 2)
+    along = np.array([
+        turn @ shapes.frames[k, np.searchsorted(shapes.s, shapes.s[-1] - depth), :, 0]
+        for turn, k, depth in zip(turns, hung, depths, strict=True)]).reshape(-1, 3)
     right = (along @ first.normal > 0) & (changes.ends[:, :, 0] @ second.normal > 0)
     return changes.chosen(right), depths[right], along[right]
-
-
-def _directions(shapes: HangingShapes, changes: Crossings, s: Floats) -> Floats:
-    """Return the tangents (m, 3) of Crossings at arc lengths s (m,), about."""
-    a = changes.pairs[:, 0]
-    turns = changes.grippers @ np.swapaxes(shapes.frames[a, 0], 1, 2)
-    return np.array([turn @ shapes.frames[k, np.searchsorted(shapes.s, at), :, 0]
-                     for turn, k, at in zip(turns, a, s, strict=True)]).reshape(-1, 3)
 
 
 def _unlike(changes: Crossings, costs: Floats) -> Iterator[int]:
@@ -304,32 +300,25 @@ def _routes_on(condition: TwoPoints, shapes: HangingShapes, changes: Crossings, 
     length, deepest = shapes.s[-1], task.depths[-1]
     if not len(changes):
         return []
-    grid = np.linspace(depths.min(), deepest, _CURVES)[1:]
     if deepest <= depths.min():
         return [(0.0, None)] * len(changes)
-    layers = [condition.crossings(shapes, depth) for depth in grid[::-1]]
+    grid = np.linspace(deepest, depths.min(), _CURVES)[:-1]
+    layers = [condition.crossings(shapes, depth) for depth in grid]
     costs, origins = sweep(layers, np.zeros(len(layers[0])), length)
     routes: list[tuple[float, Route | None]] = []
     for k, depth in enumerate(depths):
-        later = grid[::-1] > depth
-        if not later.any():
-            routes.append((0.0, None))
-            continue
-        last = int(later.sum()) - 1  # the curve right after the change, in the order of the sweep
-        if last >= len(costs):
-            routes.append((np.inf, None))
-            continue
-        total = motion(changes.chosen([k]), layers[last], length)[0] + costs[last]
-        best = int(np.argmin(total)) if total.size else 0
-        if not total.size or not np.isfinite(total[best]):
-            routes.append((np.inf, None))
-            continue
-        picks = picked(origins[:last], best)[::-1]
-        grippers = [changes.grippers[k], *(layers[last - i].grippers[pick]
-                                           for i, pick in enumerate(picks))]
-        route = Route(np.append(depth, grid[::-1][:last + 1][::-1]), np.array(grippers),
-                      changes.ends[k], length, True)
-        routes.append((float(total[best]), route))
+        last = int((grid > depth).sum()) - 1  # the curve right after the change, in the sweep
+        found: tuple[float, Route | None] = (0.0 if last < 0 else np.inf), None
+        if 0 <= last < len(costs):
+            total = motion(changes.chosen([k]), layers[last], length)[0] + costs[last]
+            if np.isfinite(total).any():
+                best = int(np.argmin(total))
+                curves = zip(layers[last::-1], picked(origins[:last], best)[::-1], strict=True)
+                found = float(total[best]), Route(
+                    np.append(depth, grid[last::-1]),
+                    np.array([changes.grippers[k], *(one.grippers[pick] for one, pick in curves)]),
+                    changes.ends[k], length, True)
+        routes.append(found)
     return routes
 
 
