@@ -443,8 +443,9 @@ def follow_goals(system: Problem, bases: Floats, strains: Floats, frames: Floats
         if goals.kind[0] != POSITION:  # the first goal is where the gripper's position counts from
             for i in range(3):
                 place[i] = -point[i]
-        angle = _angle(base, after)
-        if (angle > most[0, k] or _distance(now, place) > most[1, k] or largest_turn_between(
+        turn = rotation_vector(times_transposed(matrix(after), matrix(base)))
+        angle = np.sqrt(inner(turn, turn))
+        if (angle > most[0, k] or _size(place - now) > most[1, k] or largest_turn_between(
                 known, state.rotations, base, after, watched) > most[2, k] + angle):
             break
         all_strains[k], all_frames[k], positions[k] = (state.strains, state.rotations,
@@ -498,24 +499,6 @@ def orthonormal(rotation: Floats) -> Floats:
             for k in range(3):
                 out[k, j] -= 0.5 * rotation[k, i] * drift
     return out
-
-
-@kernel
-def _angle(base: Floats, after: Floats) -> float:
-    """Return the angle in rad between two rotations (3, 3)."""
-    turn = np.empty(3)
-    put_vector(rotation_vector(times_transposed(matrix(after), matrix(base))), turn)
-    angle: float = np.sqrt(inner(turn, turn))
-    return angle
-
-
-@kernel
-def _distance(one: Floats, other: Floats) -> float:
-    total = 0.0
-    for i in range(3):
-        total += (one[i] - other[i]) ** 2
-    distance: float = np.sqrt(total)
-    return distance
 
 
 class Found(NamedTuple):

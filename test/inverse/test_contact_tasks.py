@@ -279,15 +279,13 @@ def test_nonsense_is_named(change, named):
         InverseSimulator(DirectSimulator(WIRE)).hold_contact(TOP, 0.6)
 
 
-SLIDE_BAR = (0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02
-SLIDE_TOP = Pose((0.5, 0.0, 0.72), (0.0, 0.0, 0.0, 1.0))
 SLIDE_WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, damping=(0.5, 0.01))
 LENGTHS = np.linspace(0.7, 0.5, 5)
 
 
 def over_bar(friction=0.0, **options):
     return InverseSimulator(DirectSimulator(
-        SLIDE_WIRE, obstacles=[Capsule(*SLIDE_BAR, friction=friction)], **options))
+        SLIDE_WIRE, obstacles=[Capsule(BAR.start, BAR.end, 0.02, friction=friction)], **options))
 
 
 def test_nothing_rubs_in_a_plan_that_holds_a_contact():
@@ -306,7 +304,7 @@ def test_nothing_rubs_in_a_plan_that_holds_a_contact():
 @pytest.mark.parametrize('friction', [0.0, 0.2])
 def test_the_gripper_goes_straight_to_the_contact(friction):
     inverse = over_bar(friction, basis='local', n_elements=24)
-    plan = inverse.slide_contact(SLIDE_TOP, LENGTHS, mode='straight')
+    plan = inverse.slide_contact(TOP, LENGTHS, mode='straight')
     begin, place = plan.grippers[0], plan.via_points[0][0][0]
     gone = np.array([(gripper.position - begin.position) @ (place - begin.position)
                      for gripper in plan.grippers]) / np.sum((place - begin.position)**2)
@@ -326,14 +324,14 @@ def test_the_gripper_goes_straight_to_the_contact(friction):
         assert np.arccos(axis[0][0, 0]) == pytest.approx(drift, abs=1e-3)
         assert np.linalg.norm(axis[1] - place) == pytest.approx(miss, abs=1e-4)
     assert (np.diff(plan.misalignment) > 0.01).all()  # other than on the way that keeps it
-    kept = inverse.slide_contact(SLIDE_TOP, LENGTHS[:2])
+    kept = inverse.slide_contact(TOP, LENGTHS[:2])
     assert kept.misalignment.max() < 1e-3 and kept.grippers[0] == begin
 
 
 def test_it_goes_back_the_same_way():
     inverse = over_bar(basis='local', n_elements=24)
-    there = inverse.slide_contact(SLIDE_TOP, [0.6, 0.56], mode='straight')
-    forth = inverse.slide_contact(SLIDE_TOP, [0.6, 0.56, 0.6, 0.65], mode='straight')
+    there = inverse.slide_contact(TOP, [0.6, 0.56], mode='straight')
+    forth = inverse.slide_contact(TOP, [0.6, 0.56, 0.6, 0.65], mode='straight')
     np.testing.assert_allclose(forth.grippers[1].position, there.grippers[1].position)
     np.testing.assert_allclose(forth.grippers[2].position, there.grippers[0].position, atol=1e-5)
     np.testing.assert_allclose(forth.depths, [0.4, 0.44, 0.4, 0.35])
@@ -341,7 +339,7 @@ def test_it_goes_back_the_same_way():
 
 
 def test_it_is_proved_in_motion():
-    plan = over_bar(basis='local', n_elements=24).slide_contact(SLIDE_TOP, LENGTHS, mode='straight')
+    plan = over_bar(basis='local', n_elements=24).slide_contact(TOP, LENGTHS, mode='straight')
     way = Trajectory(plan)
     assert way.motion.contact_force > 0.05
     assert way.motion.position_error <= plan.position_error.max() + way.tolerance
@@ -350,9 +348,9 @@ def test_it_is_proved_in_motion():
 def test_refusals():
     inverse = over_bar(basis='local', n_elements=24)
     with pytest.raises(InvalidTask, match='mode'):
-        inverse.slide_contact(SLIDE_TOP, LENGTHS, mode='curved')
+        inverse.slide_contact(TOP, LENGTHS, mode='curved')
     with pytest.raises(Infeasible, match='on the straight way') as caught:  # it lifts off the bar
-        inverse.slide_contact(SLIDE_TOP, [0.7, 0.69, 0.3], mode='straight', forces=[2e-3],
+        inverse.slide_contact(TOP, [0.7, 0.69, 0.3], mode='straight', forces=[2e-3],
                               min_force=0.0)
     error = caught.value
     assert error.constraint == 'contact' and 0 < error.amount < 0.05

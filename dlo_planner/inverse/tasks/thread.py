@@ -41,7 +41,6 @@ from dlo_planner.inverse.equilibria import (
 )
 from dlo_planner.inverse.route import (
     NO_WAY,
-    Route,
     Threading,
     find_route,
     gets_there,
@@ -176,7 +175,8 @@ def _other_ways(simulator: DirectSimulator, task: Threading, candidates: Iterato
     if shapes is None:
         yield from ((begin, None) for begin in candidates)
         return
-    route = _route(simulator, shapes, task)
+    depths, layers = _layers(simulator, shapes, task.cutouts[0].normal, task.depths)
+    route = find_route(layers, depths, _starts(simulator, layers[0], task), simulator.rod.length)
     if route is not None:
         guess = shape_with_end(simulator.mesh, route.end)
         begin = Candidate(guess, guess.gripper.rotation, float(route.depths[0]))
@@ -195,12 +195,6 @@ def _layers(simulator: DirectSimulator, shapes: HangingShapes, normal: Floats,
     aligned = Aligned(simulator, normal)
     depths = np.unique(np.linspace(depths[0], depths[-1], _CURVES))
     return depths, [aligned.crossings(shapes, depth) for depth in depths]
-
-
-def _route(simulator: DirectSimulator, shapes: HangingShapes, task: Threading) -> Route | None:
-    """Return the Route through the curves of all depths, or of some where there are many."""
-    depths, layers = _layers(simulator, shapes, task.cutouts[0].normal, task.depths)
-    return find_route(layers, depths, _starts(simulator, layers[0], task), simulator.rod.length)
 
 
 def _starts(simulator: DirectSimulator, curve: Crossings, task: Threading) -> Floats:
