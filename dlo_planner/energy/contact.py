@@ -13,8 +13,7 @@ from dlo_planner.energy.gap import (
     along_the_dlo,
     closest_point,
     gap_at,
-    near_nodes,
-    next_touching,
+    near_gaps,
     node_gap,
     radius_at,
     radius_at_node,
@@ -226,16 +225,18 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
     x, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
     frame, offset, second = np.empty((3, 3)), np.zeros(2), np.empty((9, 9))
     for o in range(scene.kind.size):
-        node, last, longest = near_nodes(scene, o, strains)
-        while node <= last:
-            gap = node_gap(scene, o, node, rotations, positions, offset, x, normal, hessian)
-            force = contacts.node[o, node] - k * gap
+        multiplier = contacts.node[o]
+        gaps = near_gaps(scene, o, lengths, multiplier, strains, rotations, positions, 0.0)
+        for node in range(gaps.size):
+            if gaps[node] == np.inf:
+                continue
+            force = multiplier[node] - k * gaps[node]
             if force > 0.0:
+                node_gap(scene, o, node, rotations, positions, offset, x, normal, hessian)
                 energy += 0.5 * force * force / k
                 push_node(scene, o, node, force, k, rotations[node], offset, normal, hessian,
                           second, pull, attached)
-            energy -= 0.5 * contacts.node[o, node] ** 2 / k
-            node = next_touching(lengths, contacts.node[o], node, gap * longest)
+            energy -= 0.5 * multiplier[node] ** 2 / k
     for c in range(contacts.element.size):
         e, o = contacts.element[c], contacts.obstacle[c]
         clear_point(attached, c)

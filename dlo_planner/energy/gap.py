@@ -6,7 +6,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.scene import AXIS, EDGE, FACE, NODE_FACE, Scene, signed_distance
+from dlo_planner.energy.scene import (
+    AXIS,
+    EDGE,
+    FACE,
+    NODE_FACE,
+    PLANE,
+    Scene,
+    height,
+    signed_distance,
+)
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
@@ -96,16 +105,30 @@ def node_gap(scene, o, k, rotations, positions, offset, point, normal, hessian):
 
 
 @kernel
-def near_nodes(scene, o, strains):
-    """Return which nodes to look at for body `o`: the first, the last, and `longest_stretch`.
+def near_gaps(scene, o, lengths, multiplier, strains, rotations, positions, near):
+    """Return (N + 1,) the gaps in m of nodes to body `o`, infinite where they need no look.
 
-    Of a face none, which is watched at chosen points only. From one of them to the next goes
-    `next_touching`, of its gap times the third.
+    That is where they are told to be larger than `near` and there is no multiplier (N + 1,), N; and
+    of a face, which is watched at chosen points only.
     """
-    begin, end = node_range(scene, o, strains.shape[0])
+    gaps, x, normal, hessian = (np.full(lengths.size + 1, np.inf), np.empty(3), np.empty(3),
+                                np.empty((3, 3)))
     if is_face(scene, o):
-        end = 0
-    return max(1, begin), end, longest_stretch(scene, o, strains)
+        return gaps
+    # read once: a sweep would take five times as long
+    axes, center, origin, offset, flat = (scene.axes[o], scene.center[o], scene.origin,
+                                          scene.offset[o], scene.kind[o] == PLANE)
+    longest = longest_stretch(scene, o, strains)
+    begin, end = node_range(scene, o, lengths.size)
+    k = max(1, begin)
+    while k <= end:
+        for i in range(3):
+            x[i] = (origin[i] + positions[k, i] + rotations[k, i, 1] * offset[0]
+                    + rotations[k, i, 2] * offset[1])
+        away = height(axes, center, x) if flat else signed_distance(scene, o, x, normal, hessian)
+        gaps[k] = away - radius_at_node(scene, o, k)
+        k = next_touching(lengths, multiplier, k, (gaps[k] - near) * longest)
+    return gaps
 
 
 @kernel

@@ -288,6 +288,12 @@ def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, hessian: Fl
     """
     axes = scene.axes[o]
     kind = scene.kind[o]
+    if kind == PLANE:
+        for i in range(3):
+            normal[i] = axes[i, 0]
+            for j in range(3):
+                hessian[i, j] = 0.0
+        return height(axes, scene.center[o], x)
     v = np.empty(3)
     for i in range(3):
         v[i] = x[i] - scene.center[o, i]
@@ -295,10 +301,7 @@ def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, hessian: Fl
     for i in range(3):
         p[i] = axes[0, i] * v[0] + axes[1, i] * v[1] + axes[2, i] * v[2]
     local, curved = np.zeros(3), np.zeros((3, 3))
-    if kind == PLANE:
-        local[0] = 1.0
-        distance = p[0]
-    elif kind in (SPHERE, CAPSULE):
+    if kind in (SPHERE, CAPSULE):
         distance = _from_axis(p, scene.size[o, 0], scene.size[o, 2], local, curved)
     elif kind == BOX:
         distance = _from_box(p, scene.size[o], local, curved)
@@ -310,16 +313,18 @@ def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, hessian: Fl
         distance = _from_sheet(scene, o, p, local, curved)
     for i in range(3):
         normal[i] = axes[i, 0] * local[0] + axes[i, 1] * local[1] + axes[i, 2] * local[2]
-    if kind == PLANE:
-        hessian[:] = 0.0
-    else:
-        for i in range(3):
-            for k in range(3):
-                v[k] = axes[i, 0] * curved[0, k] + axes[i, 1] * curved[1, k] + (
-                    axes[i, 2] * curved[2, k])
-            for j in range(3):
-                hessian[i, j] = axes[j, 0] * v[0] + axes[j, 1] * v[1] + axes[j, 2] * v[2]
+        for k in range(3):
+            v[k] = axes[i, 0] * curved[0, k] + axes[i, 1] * curved[1, k] + axes[i, 2] * curved[2, k]
+        for j in range(3):
+            hessian[i, j] = axes[j, 0] * v[0] + axes[j, 1] * v[1] + axes[j, 2] * v[2]
     return distance
+
+
+@kernel(forceinline=True)
+def height(axes, center, x):
+    """Return the distance in m of x (3,) from the plane of a half space, negative inside."""
+    return (axes[0, 0] * (x[0] - center[0]) + axes[1, 0] * (x[1] - center[1])
+            + axes[2, 0] * (x[2] - center[2]))
 
 
 @kernel

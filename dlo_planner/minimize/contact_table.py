@@ -10,8 +10,7 @@ from dlo_planner.energy.contact import Contact, ContactSet, trial_traction
 from dlo_planner.energy.gap import (
     closest_point,
     gap_at,
-    near_nodes,
-    next_touching,
+    near_gaps,
     node_gap,
 )
 from dlo_planner.energy.grip import constraint_violation
@@ -47,8 +46,7 @@ class Touching(Record):
 def touching(scene: Scene, contacts: ContactSet, lengths: Floats, state: Configuration) -> Touching:
     """Return the Touching of a state."""
     k = contacts.stiffness
-    last = lengths.size
-    most = scene.kind.size * last + contacts.element.size
+    most = scene.kind.size * lengths.size + contacts.element.size
     index = np.empty((4, most), dtype=np.int64)
     value = np.empty((3, most))
     normals, arms = np.empty((most, 3)), np.zeros((most, 3))
@@ -56,18 +54,18 @@ def touching(scene: Scene, contacts: ContactSet, lengths: Floats, state: Configu
     x, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
     offset, rotation, place = np.zeros(2), np.empty((3, 3)), np.empty(3)
     for o in range(scene.kind.size):
-        node, last, longest = near_nodes(scene, o, state.strains)
-        while node <= last:
-            gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
-                           hessian)
-            force = contacts.node[o, node] - k * gap
+        gaps = near_gaps(scene, o, lengths, contacts.node[o], state.strains, state.rotations,
+                         state.positions, 0.0)
+        for node in range(gaps.size):
+            force = contacts.node[o, node] - k * gaps[node]
             if force > 0.0:
+                node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
+                         hessian)
                 index[0, count], index[1, count], index[2, count] = o, node - 1, -1
-                value[0, count], value[1, count], value[2, count] = 1.0, gap, force
+                value[0, count], value[1, count], value[2, count] = 1.0, gaps[node], force
                 normals[count] = normal
                 _fill_arm(state.rotations[node], offset, arms[count])
                 count += 1
-            node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
         o, e = contacts.obstacle[c], contacts.element[c]
         if o < 0:

@@ -147,6 +147,20 @@ def solve_dense(factor, right, out):
 
 
 @kernel
+def add_products(factor, loads, products):
+    """Add loads (m, 3, K) times the solutions for them to products (K, K)."""
+    n, size = factor.shape[0], products.shape[0]
+    half = loads.copy().reshape((n, size))
+    for i in range(n):
+        for k in range(i):
+            for p in range(size):
+                half[i, p] -= factor[i, k] * half[k, p]
+        for p in range(size):
+            for r in range(size):
+                products[p, r] += half[i, p] / factor[i, i] * half[i, r]
+
+
+@kernel
 def lu_factor(matrix, order):
     """Replace matrix (K, K) by its factors L and U, rows swapped; return its determinant's sign.
 

@@ -15,14 +15,16 @@ from dlo_planner.energy.problem import unknown_count
 from dlo_planner.energy.terms import KKTBorder, add_stiffness, new_border, row_count, width
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.dense import factorize_dense, project_all, solve_dense
+from dlo_planner.minimize.dense import add_products, factorize_dense, project_all, solve_dense
 from dlo_planner.minimize.kkt import (
     apply_kkt_border,
     complemented,
     fill_border,
     project_on_constraint,
+    subtract_held,
 )
 from dlo_planner.minimize.riccati import (
+    add_block_products,
     factorize_blocks,
     factorize_dead_loads,
     solve_turns,
@@ -187,6 +189,22 @@ def solve_held(system, hessian, right, miss, out, reaction):
     for row in range(miss.size):
         reaction[row] = miss[row]
     apply_kkt_border(hessian.border, out, reaction)
+
+
+@kernel
+def compliance(system, hessian, loads):
+    """Return (K, K): loads (m, 3, K) times the solutions of `solve` for them.
+
+    With H = L D L^T these are products of L^-1 loads: half of the work of solutions.
+    """
+    size = loads.shape[2]
+    products = np.zeros((size, size))
+    if system.basis.shape[1] > 0:
+        add_products(hessian.factor, loads, products)
+    else:
+        add_block_products(hessian, loads, products)
+    subtract_held(hessian.border, loads, products)
+    return products
 
 
 @kernel

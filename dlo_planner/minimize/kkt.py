@@ -204,3 +204,38 @@ def add_to(a, factor, b):
     for e in range(a.shape[0]):
         for i in range(3):
             a[e, i] += factor * b[e, i]
+
+
+@kernel
+def dots(loads, a):
+    """Return (K,) the sums of products of each of loads (m, 3, K) with an array (m, 3)."""
+    sums = np.zeros(loads.shape[2])
+    for e in range(a.shape[0]):
+        for i in range(3):
+            for k in range(sums.size):
+                sums[k] += a[e, i] * loads[e, i, k]
+    return sums
+
+
+@kernel
+def add_all(a, factors, loads):
+    """Add factors (K,) times loads (m, 3, K) to a (m, 3)."""
+    for e in range(a.shape[0]):
+        for i in range(3):
+            for k in range(factors.size):
+                a[e, i] += factors[k] * loads[e, i, k]
+
+
+@kernel
+def subtract_held(border, loads, products):
+    """Take from products (K, K), of loads (m, 3, K) and H^-1 loads, what the grip does not give."""
+    if border is None:
+        return
+    size = products.shape[0]
+    for row in range(border.rows.shape[0]):
+        pulled = dots(loads, border.answers[row])
+        for other in range(border.rows.shape[0]):
+            moved = dots(loads, border.answers[other])
+            for i in range(size):
+                for k in range(size):
+                    products[i, k] -= pulled[i] * border.schur[row, other] * moved[k]

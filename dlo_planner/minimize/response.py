@@ -31,7 +31,8 @@ from dlo_planner.minimize.hessian import (
     solve,
     solve_held,
 )
-from dlo_planner.minimize.semismooth import unit_load
+from dlo_planner.minimize.kkt import dots
+from dlo_planner.minimize.semismooth import unit_loads
 from dlo_planner.model.arrays import Floats
 
 
@@ -149,28 +150,29 @@ def add_slip(system: Problem, state: Configuration, hessian: Hessian, answers: F
                 trial[size] /= whole
                 slides[size] = a
                 size += 1
-    across, response = np.empty((size, *state.q.shape)), np.empty((size, *state.q.shape))
+    slides = slides[:size]
+    element, fraction, response = (table.element[slides], table.fraction[slides],
+                                   np.empty((size, *state.q.shape)))
     matrix, change, load = np.eye(size), np.empty((6, size)), np.empty_like(state.q)
+    across = unit_loads(system, state, hessian, element, fraction, table.arm[slides],
+                        table.normal[slides])
+    along = unit_loads(system, state, hessian, element, fraction, np.zeros((size, 3)), trial)
     for p in range(size):
         a = slides[p]
-        e, fraction = table.element[a], table.fraction[a]
-        unit_load(system, state, hessian, e, fraction, table.arm[a], table.normal[a], across[p])
-        unit_load(system, state, hessian, e, fraction, np.zeros(3), trial[p], load)
+        load[:] = along[:, :, p]
         solve(system, hessian, load, response[p])
         response[p] *= system.effects.contact.scene.friction[table.obstacle[a]]
-        point_inside(system.lengths, state.strains, state.rotations, state.positions, e, fraction,
-                     rotation, x)
+        point_inside(system.lengths, state.strains, state.rotations, state.positions, element[p],
+                     fraction[p], rotation, x)
         x += table.arm[a]
         normal = table.normal[a]
         for i in range(3):
             j, m = (i + 1) % 3, (i + 2) % 3
             change[i, p] = x[j] * normal[m] - x[m] * normal[j]  # turned with the gripper
             change[3 + i, p] = normal[i]
-        for i in range(6):
-            change[i, p] = -k * (change[i, p] + np.sum(across[p] * answers[i]))
-    for p in range(size):
-        for r in range(size):
-            matrix[p, r] -= k * np.sum(across[p] * response[r])
+        matrix[:, p] -= k * dots(across, response[p])
+    for i in range(6):
+        change[i] = -k * (change[i] + dots(across, answers[i]))
     order = np.empty(size, dtype=np.int64)
     if lu_factor(matrix, order) == 0:
         return

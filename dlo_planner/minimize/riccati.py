@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Riccati sweeps: factorization and solution of a local Newton system in O(N)."""
 
+import numpy as np
+
 from dlo_planner.geometry.hessian import element_blocks
 from dlo_planner.geometry.so3 import (
     ZERO,
@@ -225,3 +227,36 @@ def solve_twists(hessian, right, out):
         put_vector(own, out[e])
         turn = plus(turn, applied(matrix(jacobians[e]), own))
         move = plus(move, applied(matrix(jacobians[e, 3:]), own))
+
+
+@kernel
+def add_block_products(hessian, loads, products):
+    """Add loads (N, 3, K) times the solutions for them to products (K, K).
+
+    One sweep of all of them: what is the same for each is read once, and sums stand side by side.
+    """
+    jacobians, gains, inverses = hessian.twist_jacobian, hessian.gain, hessian.inverse
+    (n, _, size), wide = loads.shape, jacobians.shape[1]
+    beyond, own, answer = np.zeros((wide, size)), np.empty((3, size)), np.empty((3, size))
+    for r in range(n):
+        e = n - 1 - r
+        jacobian, gain, inverse = jacobians[e], gains[e], inverses[e]
+        for i in range(3):
+            for p in range(size):
+                own[i, p] = loads[e, i, p]
+            for k in range(0, wide, 3):
+                a, b, c = jacobian[k, i], jacobian[k + 1, i], jacobian[k + 2, i]
+                for p in range(size):
+                    own[i, p] += a * beyond[k, p] + b * beyond[k + 1, p] + c * beyond[k + 2, p]
+        for i in range(wide):
+            a, b, c = gain[0, i], gain[1, i], gain[2, i]
+            for p in range(size):
+                beyond[i, p] -= a * own[0, p] + b * own[1, p] + c * own[2, p]
+        for i in range(3):
+            a, b, c = inverse[i, 0], inverse[i, 1], inverse[i, 2]
+            for p in range(size):
+                answer[i, p] = a * own[0, p] + b * own[1, p] + c * own[2, p]
+        for k in range(size):
+            a, b, c = own[0, k], own[1, k], own[2, k]
+            for p in range(size):
+                products[k, p] += a * answer[0, p] + b * answer[1, p] + c * answer[2, p]

@@ -8,23 +8,17 @@ Where that cannot be trusted each multiplier becomes the force that it has (augm
 
 In `semismooth_newton` the springs of contacts push with the multipliers alone, whatever the gaps
 and slips are: a gap of the start is closed by a change of the forces, not fought by the springs.
-Nodes beside contacts with friction are candidates before they touch. It begins where a DLO whose
-contacts all go on bearing would be carried by its gripper, or where `relaxation` has brought one
-nearly to rest, from afar; then whatever is pressed in is a candidate. What it finds is a start:
-the caller tells whether something else touches, and whether the shape falls.
+Nodes beside contacts are candidates before they touch. It begins where a DLO whose contacts all go
+on bearing would be carried by its gripper, or where `relaxation` has brought one nearly to rest,
+from afar; then whatever is pressed in is a candidate. What it finds is a start: the caller tells
+whether something else touches, and whether the shape falls.
 """
 
 import numpy as np
 
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.contact import trial_traction
-from dlo_planner.energy.gap import (
-    closest_point,
-    near_nodes,
-    next_touching,
-    node_gap,
-    radius_at_node,
-)
+from dlo_planner.energy.gap import closest_point, near_gaps, radius_at_node
 from dlo_planner.energy.grip import constraint_value, move_multipliers
 from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.potential import at_elements, evaluate, project, unknowns_of
@@ -55,6 +49,7 @@ from dlo_planner.minimize.contact_table import (
 from dlo_planner.minimize.convergence import as_rounded, gradient_noise
 from dlo_planner.minimize.hessian import (
     assemble,
+    compliance,
     factorize,
     is_definite,
     largest_turn,
@@ -62,7 +57,7 @@ from dlo_planner.minimize.hessian import (
     solve,
     solve_held,
 )
-from dlo_planner.minimize.kkt import add_to, dot, put_scaled
+from dlo_planner.minimize.kkt import add_all, dots, put_scaled
 from dlo_planner.minimize.newton import HELD_NEUTRAL, is_held
 
 _TOILS = 2        # rounds in vain, after which the unknowns move with the forces
@@ -78,7 +73,7 @@ _GRACE = 3           # first steps, in which it may do so
 _LONG = 6            # steps after which contacts that still change may go round in circles
 _PATIENCE = 8        # steps in vain with friction: a change of its direction raises the error first
 _CROSSES = 0.9    # of the distance from the middle of a sheet at which a DLO touches it
-_NEAR = 1e-3         # of the length: nodes with larger gaps are no candidates beside friction
+_AROUND = 4.0       # times the largest gap of what bears: nodes beside it may bear as well
 
 
 @kernel
@@ -201,17 +196,16 @@ def complementarity_step(system, state, table, hessian, exchanges, softness, far
     for a in range(count):
         first[a + 1] = first[a] + (1 if table.rubbing[a] < 0 else 3)
     axes = contact_axes(table, first)
-    loads, answers = _answers(system, state, hessian, table, first, axes)
-    miss, free = np.zeros_like(reaction), np.empty(first[count])
+    loads = _contact_loads(system, state, hessian, table, first, axes)
+    miss = np.zeros_like(reaction)
     constraint_value(system.effects.hold, state.rotations[-1], state.positions[-1], miss)
     put_scaled(-1.0, state.gradient, right)
     solve_held(system, hessian, right, miss, step, reaction)
     if count == 0:
         return True
-    for i in range(free.size):
-        free[i] = dot(loads[i], step)
+    free = dots(loads, step)
     law = contact_laws(system, state, table, first, axes, normal, free,
-                       _products(loads, answers))
+                       compliance(system, hessian, loads))
     if softness > 0.0:
         known, change, bears = yielding_forces(law, softness)
     else:
@@ -231,67 +225,64 @@ def complementarity_step(system, state, table, hessian, exchanges, softness, far
         normal[a] = force[0] if bears[a] else 0.0
         for j in range(3 if table.rubbing[a] >= 0 else 0):
             shear[a, j] = -(force[1] * axes[i + 1, j] + force[2] * axes[i + 2, j])
-    for i in range(free.size):
-        add_to(right, change[i], loads[i])
+    add_all(right, change, loads)
     solve_held(system, hessian, right, miss, step, reaction)
     return True
 
 
 @kernel
-def _answers(system, state, hessian, table, first, axes):
-    """Return (K, m, 3) unit forces at the contacts along `axes`, as loads, and what they answer."""
-    loads, none = np.empty((axes.shape[0], state.q.shape[0], 3)), np.zeros(3)
-    answers = np.empty_like(loads)
+def _contact_loads(system, state, hessian, table, first, axes):
+    """Return (m, 3, K) unit forces at the contacts along `axes` (K, 3), as loads."""
+    size = axes.shape[0]
+    element, fraction, beside = (np.empty(size, dtype=np.int64), np.empty(size),
+                                 np.zeros((size, 3)))
     for a in range(table.gap.size):
-        for i in range(first[a], first[a] + (1 if table.rubbing[a] < 0 else 3)):
-            # friction acts at the axis
-            unit_load(system, state, hessian, table.element[a], table.fraction[a],
-                      table.arm[a] if i == first[a] else none, axes[i], loads[i])
-            solve(system, hessian, loads[i], answers[i])
-    return loads, answers
+        beside[first[a]] = table.arm[a]  # friction acts at the axis
+        for i in range(first[a], first[a + 1]):
+            element[i], fraction[i] = table.element[a], table.fraction[a]
+    return unit_loads(system, state, hessian, element, fraction, beside, axes)
 
 
 @kernel
-def unit_load(system, state, hessian, element, fraction, beside, axis, load):
-    """Fill load (m, 3): change of the displacement along `axis` of a point, by the unknowns."""
-    n = system.lengths.size
-    rows = np.zeros((n, 3))
+def unit_loads(system, state, hessian, element, fraction, beside, axes):
+    """Return (m, 3, K): changes of the displacements of points along axes (K, 3), by the unknowns.
+
+    The points are in elements (K,), at fractions of them, `beside` (K, 3) the axis by so much.
+    """
+    n, size = system.lengths.size, element.size
+    rows, wrench = np.zeros((n, 3, size)), np.zeros((6, size))
     part, arm = np.empty((6, 3)), np.empty(3)
-    part_of_element(system.lengths[element], fraction, state.strains[element],
-                    system.scale[element], state.rotations[element], part, arm)
-    moment = np.empty(3)
-    for i in range(3):
-        arm[i] += state.positions[element, i] + beside[i]
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        moment[i] = arm[j] * axis[k] - arm[k] * axis[j]
-    for e in range(element):
+    for r in range(n):
+        e = n - 1 - r
         for j in range(3):
-            for k in range(3):
-                rows[e, j] += (hessian.twist_jacobian[e, k, j] * moment[k]
-                               + hessian.twist_jacobian[e, 3 + k, j] * axis[k])
-    for j in range(3):
-        for k in range(3):
-            one, other = (k + 1) % 3, (k + 2) % 3
-            moved = part[3 + k, j] + part[one, j] * beside[other] - part[other, j] * beside[one]
-            rows[element, j] += moved * axis[k]
-    project(system.basis, rows, load)
-
-
-@kernel
-def _products(loads, answers):
-    """Return (K, K), symmetric: the displacement of each contact by a unit force at each other."""
-    size, flat = loads.shape[0], 3 * loads.shape[1]
-    products = np.zeros((size, size))
-    columns, rows = loads.reshape((size, flat)).T.copy(), answers.reshape((size, flat))
-    for i in range(size):
-        for k in range(flat):
-            part = rows[i, k]
-            for j in range(i + 1):
-                products[i, j] += part * columns[k, j]
-        for j in range(i):
-            products[j, i] = products[i, j]
-    return products
+            for k in range(6):
+                by = hessian.twist_jacobian[e, k, j]
+                for p in range(size):
+                    rows[e, j, p] += by * wrench[k, p]
+        for p in range(size):
+            if element[p] != e:
+                continue
+            part_of_element(system.lengths[e], fraction[p], state.strains[e], system.scale[e],
+                            state.rotations[e], part, arm)
+            for i in range(3):
+                arm[i] += state.positions[e, i] + beside[p, i]
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                wrench[i, p] = arm[j] * axes[p, k] - arm[k] * axes[p, j]
+                wrench[3 + i, p] = axes[p, i]
+                for b in range(3):
+                    moved = part[3 + i, b] + part[j, b] * beside[p, k] - part[k, b] * beside[p, j]
+                    rows[e, b, p] += moved * axes[p, i]
+    if system.basis.shape[1] == 0:
+        return rows
+    loads = np.zeros((system.basis.shape[1], 3, size))
+    for e in range(n):
+        for k in range(loads.shape[0]):
+            by = system.basis[e, k]
+            for j in range(3):
+                for p in range(size):
+                    loads[k, j, p] += by * rows[e, j, p]
+    return loads
 
 
 @kernel
@@ -368,23 +359,15 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
     state, step, right = begin, np.empty_like(q), np.empty_like(q)
     last = touching(system.effects.contact.scene, system.effects.contact.contacts, system.lengths,
                     begin)
-    vain, near = 0, -exact
+    vain = 0
     for steps in range(_STEPS):
-        loaded = loaded_by_contacts(loaded, state, previous, near, False, afar)
+        loaded = loaded_by_contacts(loaded, state, previous, -exact, False, afar)
         state, residual, table, violation = kkt_residual(loaded, state.q)
         if not (afar or table.gap.size):
             break
         normal, shear = forces(table, state)
         same, rubs = _same(table, last), _rubs(table)
         small = _vanishes(loaded, state, residual, tolerance, afar)
-        if small and violation < exact and near > 0.0:
-            near = -exact  # candidates have done their work: judged is what holds without them
-            normal, shear = forces_without_candidates(loaded, table, state)
-            put_forces(loaded, table, normal, shear)
-            loaded = loaded_by_contacts(loaded, state, previous, near, False, afar)
-            state, residual, table, violation = kkt_residual(loaded, state.q)
-            normal, shear = forces(table, state)
-            small = _vanishes(loaded, state, residual, tolerance, afar)
         if small and violation < exact:
             if not same:  # the factorization is that of other contacts
                 age = np.inf
@@ -398,8 +381,6 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
         before, last = min(wrong, before) if same else wrong, table
         # near the end the last factorization is as good; but friction turns with what slides
         fresh = not same or not _STALE * age * residual < tolerance or rubs
-        if rubs:
-            near = min(violation, _NEAR * np.sum(system.lengths))
         if fresh and not linearize(loaded, state, hessian, neutral):
             break
         if not complementarity_step(loaded, state, table, hessian, most, 0.0, _FARTHEST, normal,
@@ -524,10 +505,11 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
     """Return the Problem whose contacts, at `state`, push with the forces that are its multipliers.
 
     A contact without force does not push. Nodes whose gap is below `near`, m, become candidates
-    with a negligible force: the laws tell what they bear. They are those beside nodes that bear
-    (not beside points that roll), or all (`everywhere`), and from `afar` whatever is pressed in;
-    then friction is a load, too, that of what sticks or all. With a past (`previous`) friction is
-    that of the contacts there.
+    with a negligible force: the laws tell what they bear. They are all (`everywhere`), or those
+    beside nodes that bear (not beside points that roll), of these as well what is about as near as
+    the state is exact, so that a step finds at once all that touches then; and from `afar` whatever
+    is pressed in. Then friction is a load, too, that of what sticks or all. With a past
+    (`previous`) friction is that of the contacts there.
     """
     given = system.effects.contact.contacts
     scene, k, lengths = system.effects.contact.scene, given.stiffness, system.lengths
@@ -535,19 +517,23 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
     at = given.element
     if afar:
         at, _ = rolled_to(system, state)
-    x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
+    normal, hessian = np.empty(3), np.empty((3, 3))
     for o in range(scene.kind.size):
-        node, last, longest = near_nodes(scene, o, state.strains)
-        while node <= last:
-            gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
-                           hessian)
-            yielded[o, node], force[o, node] = k * gap, max(0.0, given.node[o, node])
-            if not everywhere and force[o, node] == 0.0 and (
-                    gap < near and _lies_beside(given.node[o], node)
-                    or afar and gap < -abs(near)
-                    and not _has_point_beside(given, at, o, node)):
-                force[o, node] = NEGLIGIBLE * k * abs(gap)
-            node = next_touching(lengths, given.node[o], node, (gap - max(near, 0.0)) * longest)
+        node, around = given.node[o], near
+        gaps = near_gaps(scene, o, lengths, node, state.strains, state.rotations, state.positions,
+                         max(near, 0.0))
+        for b in range(gaps.size):
+            if node[b] > 0.0 and abs(gaps[b]) > -near:
+                around = max(around, _AROUND * abs(gaps[b]))
+        for b in range(gaps.size):
+            gap = gaps[b]
+            if gap == np.inf:
+                continue
+            yielded[o, b], force[o, b] = k * gap, max(0.0, node[b])
+            if not everywhere and force[o, b] == 0.0 and (
+                    gap < around and _lies_beside(node, b)
+                    or afar and gap < near and not _has_point_beside(given, at, o, b)):
+                force[o, b] = NEGLIGIBLE * k * abs(gap)
     contacts = with_springs(given, 0.0, force, given.multiplier.copy())
     if len(previous):
         contacts = update_friction(system, contacts, state, previous)
@@ -558,7 +544,7 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
             push = contacts.multiplier[c]
             if everywhere and _crosses(scene, contacts.obstacle[c], contacts.element[c], gap):
                 push = 0.0
-            elif not push > 0.0 and (afar and gap < -abs(near) or everywhere and gap < near):
+            elif not push > 0.0 and (afar or everywhere) and gap < near:
                 push = _TINY * NEGLIGIBLE * k * abs(gap)
             contacts.multiplier[c] = _pushing(push, k * gap)
     for o in range(scene.kind.size):
@@ -586,15 +572,15 @@ def crosses_a_sheet(system, state):
     """Whether the axis is in the middle of a sheet, at a node or at a point that is watched."""
     scene, contacts, lengths = (system.effects.contact.scene, system.effects.contact.contacts,
                                 system.lengths)
-    x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
+    normal, hessian = np.empty(3), np.empty((3, 3))
     for o in range(scene.kind.size):
-        node, last, longest = near_nodes(scene, o, state.strains)
-        while scene.kind[o] == SHEET and node <= last:
-            gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
-                           hessian)
-            if _crosses(scene, o, node, gap):
+        if scene.kind[o] != SHEET:
+            continue
+        gaps = near_gaps(scene, o, lengths, contacts.node[o], state.strains, state.rotations,
+                         state.positions, 0.0)
+        for node in range(gaps.size):
+            if _crosses(scene, o, node, gaps[node]):
                 return True
-            node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
         if contacts.obstacle[c] >= 0 and scene.kind[contacts.obstacle[c]] == SHEET:
             gap, e, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,

@@ -15,6 +15,7 @@ from dlo_planner.minimize.dense import lu_factor, lu_solve
 from dlo_planner.minimize.hessian import (
     assemble,
     assembled_definite,
+    compliance,
     factorize,
     is_definite,
     largest_turn,
@@ -58,6 +59,27 @@ def test_solution_and_inertia_are_those_of_the_dense_matrix(problem, shift, rng)
     out = np.empty_like(right)
     solve(system, hessian, right, out)
     np.testing.assert_allclose(out.ravel(), np.linalg.solve(dense, right.ravel()), atol=1e-9)
+
+
+@pytest.mark.parametrize('held', [False, True])
+def test_compliance_is_what_solutions_give(problem, held, rng):
+    system, hessian, _ = problem
+    if held:
+        mesh = Discretization(Surroundings(Rod(1.0, 0.0, 1.0, 1.0), np.zeros(3)),
+                              np.linspace(0, 1, 15), 'chebyshev' if system.basis.size else 'local',
+                              6)
+        system = mesh.system(np.eye(3), np.zeros(3), None, FarEnd.of((0.7, 0.2, 0.1)))
+        state = new_configuration(system)
+        evaluate(system, state)
+        hessian = new_hessian(system)
+        assemble(system, state, hessian)
+    factorize(system, hessian, 0.0)
+    loads = rng.normal(size=(*new_configuration(system).q.shape, 5))
+    found, out = compliance(system, hessian, loads), np.empty(loads.shape[:2])
+    for k in range(5):
+        solve(system, hessian, loads[:, :, k].copy(), out)
+        np.testing.assert_allclose(found[:, k], np.tensordot(loads, out, ((0, 1), (0, 1))),
+                                   rtol=1e-8, atol=1e-8 * np.abs(found).max())
 
 
 @pytest.mark.every(3)

@@ -45,6 +45,18 @@ def test_a_step_takes_few_iterations_and_ends_where_small_ones_end(bearing):
         sum(c.force for c in parts.contacts), rel=1e-6)
 
 
+def test_what_touches_in_a_step_is_found_at_once():
+    # a candidate at a time would take as many steps as nodes touch, three or four
+    wire = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
+    simulator = DirectSimulator(wire, n_elements=64, basis='local',
+                                obstacles=[Plane((0, 0, 0), (0, 0, 1))])
+    shapes = simulator.track([at(z) for z in np.append(np.arange(0.3, 0.1, -0.01),
+                                                       0.1 - 1e-3 * np.arange(6))])
+    bear = [tuple(c.s for c in shape.contacts) for shape in shapes[-6:]]
+    assert len(set(bear)) > 3
+    assert max(shape.iterations for shape in shapes[-5:]) <= 2
+
+
 def test_what_is_carried_along_is_the_derivative_of_the_shape(bearing):
     simulator, shape = bearing
     position, mesh = shape.gripper.position, simulator.mesh
