@@ -106,7 +106,7 @@ def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepIn
             shape = None
     if shape is None:
         shape = _searched(mesh, gripper, initial, how, past, start, culled=False)
-    return _with_set_error(shape)
+    return _with_set_error(shape) if mesh.yields else shape
 
 
 def _with_set_error(shape: Shape) -> Shape:
@@ -130,12 +130,13 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: S
     """Return what `step` does; `culled`: without what may act."""
     far_end, newton = how.far_end, how.method == 'newton'
     if start is not None:
-        strains = start
+        strains = read_only(start)
     elif initial is None:
         strains = mesh.stress_free(past)
+    elif mesh.has_nodes(initial.s):
+        strains = initial.element_strains
     else:
-        strains = (initial.element_strains if mesh.has_nodes(initial.s)
-                   else mesh.strains_from(initial.s, initial.element_strains))
+        strains = read_only(mesh.strains_from(initial.s, initial.element_strains))
     watch = _watched(mesh, initial, how.most) if culled else None
     if culled and far_end is None:
         return equilibrium(mesh, gripper, strains, past, culled=True, watch=watch)
@@ -171,7 +172,7 @@ def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, stra
     end = Solution(*follow_step(
         mesh.full, gripper.rotation, gripper.position, past.plastic, past.node_force, *past.points,
         past.positions, past.tangents, initial.gripper.rotation, initial.gripper.position,
-        read_only(strains), TOLERANCE, EXACT * float(mesh.s[-1]), MAX_ITERATIONS))
+        strains, TOLERANCE, EXACT * float(mesh.s[-1]), MAX_ITERATIONS))
     return shape_from(mesh, gripper, end, past, None, False) if end.residual < np.inf else None
 
 
@@ -559,7 +560,8 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
                far_end: FarEnd | None, culled: bool, evaluations: int = 0) -> Shape:
     """Return the Shape of a Solution: all that simulators return are made here."""
     around, before = mesh.surroundings, memory or mesh.start
-    freeze(end[:4])
+    hangs = mesh.hangs and far_end is None  # then the next step does not count from here
+    freeze(end[:4] if hangs else end[:8])
     violation = max(end.violation, end.inside)
     bound = around.pinned or far_end is not None or mesh.obstructed and not culled
     reach = np.inf if far_end is None else reach_of(mesh, distance(far_end, gripper))
@@ -567,8 +569,7 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
                           float(KEPT * mesh.s[-1]), end.missed, reach)
     after: Memory = before
     contacts: tuple[Any, ...] = ()
-    if not (mesh.hangs and far_end is None):  # else the next step does not count from here
-        freeze(end[4:8])
+    if not hangs:
         after = memory_after(mesh, end, before, culled)
         if mesh.obstructed and not culled:
             contacts = contacts_of(mesh.s, end.contacts, gripper.position)

@@ -257,7 +257,7 @@ class Surroundings(Value):
             rod = replace(rod, yield_curvature=None, yield_torsion=None)
         return replace(self, rod=rod, obstacles=())
 
-    @property
+    @cached_property
     def pinned(self) -> bool:
         """Whether the DLO's beginning may turn in the gripper."""
         return self.grip == 'pinned'
