@@ -64,12 +64,19 @@ class ContactLaws(Record):
 
 
 @kernel
-def contact_axes(table, first):
-    """Return (K, 3): normals, and two tangents where a contact rubs."""
-    axes = np.zeros((first[-1], 3))
-    for a in range(table.gap.size):
+def contact_axes(table):
+    """Return (A + 1,) the row of each contact's normal; of K rows their contacts and axes.
+
+    A contact that rubs has three rows, two of them for tangents. Of each row there is its contact
+    (K,), how far beside the axis of the DLO its force acts (K, 3), m, and its direction (K, 3).
+    """
+    rows = np.where(table.rubbing < 0, 1, 3)
+    of = np.repeat(np.arange(rows.size), rows)
+    first, axes, beside = np.append(0, np.cumsum(rows)), np.zeros((of.size, 3)), np.zeros(
+        (of.size, 3))
+    for a in range(rows.size):
         i, n = first[a], table.normal[a]
-        axes[i] = n
+        axes[i], beside[i] = n, table.arm[a]  # friction acts at the axis
         if table.rubbing[a] < 0:
             continue
         least = np.argmin(np.abs(n))
@@ -79,7 +86,7 @@ def contact_axes(table, first):
         for j in range(3):
             axes[i + 2, j] = (n[(j + 1) % 3] * axes[i + 1, (j + 2) % 3]
                               - n[(j + 2) % 3] * axes[i + 1, (j + 1) % 3])
-    return axes
+    return first, of, beside, axes
 
 
 @kernel
@@ -132,7 +139,7 @@ def contact_forces(law, exchanges, iterations):
     if iterations == 0 or not rubs or known and taken > 0:
         return known, change, bears
     unique, compliance, _ = _own_response(law)
-    own = _diagonal(compliance)
+    own = np.diag(compliance)
     if not (unique and np.min(own) > 0.0):
         return known, change, bears
     augmentation = _stiffness_along(law, own)
@@ -172,7 +179,7 @@ def yielding_forces(law, softness):
     taken = 0
     if unique:
         unique, taken = _semismooth(law, proximal, law.force,
-                                    _stiffness_along(law, np.abs(_diagonal(compliance))), _FEW, 0,
+                                    _stiffness_along(law, np.abs(np.diag(compliance))), _FEW, 0,
                                     change, bears)
     if unique and taken > 0:
         return _released_stands(law, change, bears), change, bears
@@ -272,15 +279,6 @@ def _row(matrix, i, vector, begin):
     for k in range(vector.size):
         total += matrix[i, k] * vector[k]
     return total
-
-
-@kernel
-def _diagonal(matrix):
-    """Return the diagonal (K,) of a matrix."""
-    diagonal = np.empty(matrix.shape[0])
-    for i in range(diagonal.size):
-        diagonal[i] = matrix[i, i]
-    return diagonal
 
 
 @kernel

@@ -209,7 +209,7 @@ def update_friction(system: Problem, contacts: ContactSet, state: Configuration,
         previous: (N + 1, 6) positions and tangents of the nodes before the step, or (0, 6)
     """
     scene = system.effects.contact.scene
-    if not _may_rub(scene, contacts):
+    if not (np.any(scene.friction > 0.0) or np.any(contacts.obstacle < 0)):
         return contacts
     table = touching(scene, contacts, system.lengths, state)
     rubs = scene.friction[table.obstacle] > 0.0
@@ -233,7 +233,8 @@ def update_friction(system: Problem, contacts: ContactSet, state: Configuration,
             _place_before(system, state, previous, contacts.element[c], contacts.fraction[c],
                           former)
             anchors[p] += contacts.anchor[c] - former
-            _put_across(contacts.shear[c], normals[p], shears[p])
+            shear = contacts.shear[c]
+            shears[p] = shear - np.sum(shear * normals[p]) * normals[p]
     kept = contacts.obstacle >= 0
     return with_contacts_of(
         contacts, np.concatenate((contacts.element[kept], elements)),
@@ -243,17 +244,6 @@ def update_friction(system: Problem, contacts: ContactSet, state: Configuration,
         np.concatenate((contacts.anchor[kept], anchors)),
         np.concatenate((contacts.normal[kept], normals)),
         np.concatenate((contacts.shear[kept], shears)))
-
-
-@kernel
-def _may_rub(scene, contacts):
-    """Whether there is an obstacle with friction, or a point of friction."""
-    rubs = False
-    for o in range(scene.friction.size):
-        rubs = rubs or scene.friction[o] > 0.0
-    for c in range(contacts.obstacle.size):
-        rubs = rubs or contacts.obstacle[c] < 0
-    return rubs
 
 
 @kernel
@@ -268,14 +258,6 @@ def _friction_before(contacts, obstacle, element, fraction):
             if away < nearest:
                 best, nearest = c, away
     return best
-
-
-@kernel
-def _put_across(shear, normal, out):
-    """Fill out (3,) with what is across the normal of shear (3,)."""
-    along = np.sum(shear * normal)
-    for i in range(3):
-        out[i] = shear[i] - along * normal[i]
 
 
 @kernel

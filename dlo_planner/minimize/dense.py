@@ -93,12 +93,6 @@ def _put_together(basis, rows, dense):
 
 
 @kernel
-def factorize_dense(hessian, shift, most):
-    """Factorize; give up where more than `most` pivots are negative; return how many are."""
-    return factorized(hessian.dense, hessian.factor, shift, most)
-
-
-@kernel
 def factorized(dense, factor, shift, most):
     """Fill factor with L, D of dense + shift I = L D L^T; return how many pivots are negative.
 

@@ -15,7 +15,7 @@ from dlo_planner.energy.problem import unknown_count
 from dlo_planner.energy.terms import KKTBorder, add_stiffness, new_border, row_count, width
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.dense import add_products, factorize_dense, project_all, solve_dense
+from dlo_planner.minimize.dense import add_products, factorized, project_all, solve_dense
 from dlo_planner.minimize.kkt import (
     apply_kkt_border,
     complemented,
@@ -165,7 +165,7 @@ def _bordered(system, hessian, border):
 def _factorize_without_border(system, hessian, shift, most):
     """Return how many pivots are negative; give up where they are more than `most`."""
     if system.basis.shape[1] > 0:
-        return factorize_dense(hessian, shift, most)
+        return factorized(hessian.dense, hessian.factor, shift, most)
     return factorize_blocks(hessian, shift, most)
 
 

@@ -192,11 +192,8 @@ def complementarity_step(system, state, table, hessian, exchanges, softness, far
     much, m/N, contacts yield to a change of their forces.
     """
     count = table.gap.size
-    first = np.zeros(count + 1, dtype=np.int64)  # row of the normal; of a friction's two, the next
-    for a in range(count):
-        first[a + 1] = first[a] + (1 if table.rubbing[a] < 0 else 3)
-    axes = contact_axes(table, first)
-    loads = _contact_loads(system, state, hessian, table, first, axes)
+    first, of, beside, axes = contact_axes(table)
+    loads = unit_loads(system, state, hessian, table.element[of], table.fraction[of], beside, axes)
     miss = np.zeros_like(reaction)
     constraint_value(system.effects.hold, state.rotations[-1], state.positions[-1], miss)
     put_scaled(-1.0, state.gradient, right)
@@ -228,19 +225,6 @@ def complementarity_step(system, state, table, hessian, exchanges, softness, far
     add_all(right, change, loads)
     solve_held(system, hessian, right, miss, step, reaction)
     return True
-
-
-@kernel
-def _contact_loads(system, state, hessian, table, first, axes):
-    """Return (m, 3, K) unit forces at the contacts along `axes` (K, 3), as loads."""
-    size = axes.shape[0]
-    element, fraction, beside = (np.empty(size, dtype=np.int64), np.empty(size),
-                                 np.zeros((size, 3)))
-    for a in range(table.gap.size):
-        beside[first[a]] = table.arm[a]  # friction acts at the axis
-        for i in range(first[a], first[a + 1]):
-            element[i], fraction[i] = table.element[a], table.fraction[a]
-    return unit_loads(system, state, hessian, element, fraction, beside, axes)
 
 
 @kernel
@@ -366,8 +350,9 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
         if not (afar or table.gap.size):
             break
         normal, shear = forces(table, state)
-        same, rubs = _same(table, last), _rubs(table)
-        small = _vanishes(loaded, state, residual, tolerance, afar)
+        same, rubs = _same(table, last), np.any(table.rubbing >= 0)
+        small = residual < tolerance or afar and as_rounded(
+            residual, gradient_noise(loaded, state), tolerance)
         if small and violation < exact:
             if not same:  # the factorization is that of other contacts
                 age = np.inf
@@ -397,13 +382,6 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
         place(loaded, state)
     move_multipliers(hold, -1.0, gone)
     return False, state, np.inf, np.inf, system, hessian, age, steps + 1 if afar else _STEPS
-
-
-@kernel
-def _vanishes(system, state, residual, tolerance, afar):
-    """Whether a residual is below the tolerance, or, `afar`, what rounding errors make of it."""
-    return residual < tolerance or afar and as_rounded(residual, gradient_noise(system, state),
-                                                       tolerance)
 
 
 @kernel
@@ -476,15 +454,6 @@ def place(system, state):
             state.strains[e, i] = system.natural[e, i] + system.scale[e, i] * values[e, i]
     forward_kinematics(system.lengths, state.strains, system.base, state.rotations, state.positions,
                        state.arcs)
-
-
-@kernel
-def _rubs(table):
-    """Whether any contact in the table has friction."""
-    rubs = False
-    for a in range(table.rubbing.size):
-        rubs = rubs or table.rubbing[a] >= 0
-    return rubs
 
 
 @kernel
