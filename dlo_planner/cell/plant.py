@@ -320,8 +320,7 @@ class Plant:
         own = np.sqrt(np.maximum(squares, slowest**2))
         reached = (moves * (moves.T @ across)) @ bump.response(own, self.lag)
         largest = np.linalg.norm(reached, axis=0).max()
-        result: Floats = bump.displacement / largest * across if largest else np.zeros(3)
-        return result
+        return bump.displacement / largest * across if largest else np.zeros(3)
 
     def _feel(self) -> None:
         """Add up the contact forces."""

@@ -257,8 +257,7 @@ def _long_run(series: Sequence[Floats]) -> Floats:
     share = (width + 1.0) / instants
     # and an estimate from few instants that are apart is uncertain itself: of Student's t
     freedom = max(_FREEDOM / share, _LEAST_FREEDOM)
-    result: Floats = out / (1.0 - share + share**2 / 3) * freedom / (freedom - 2.0)
-    return result
+    return out / (1.0 - share + share**2 / 3) * freedom / (freedom - 2.0)
 
 
 def _andrews(series: Sequence[Floats]) -> float:

@@ -184,5 +184,4 @@ def gripper_at(stamps: ArrayLike, grippers: Iterable[Pose], stamp: float) -> Pos
     if after == 0:
         return grippers[0]
     share = (stamp - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
-    result: Pose = between(grippers[after - 1], grippers[after], float(share))
-    return result
+    return between(grippers[after - 1], grippers[after], float(share))

@@ -166,13 +166,11 @@ class RodParameters(Value):
 
     def stiffness_factors(self, x: Floats) -> Floats:
         """Return the factors (3,) of GJ, EI_n, EI_b at x."""
-        result: Floats = np.exp(self._logarithms[0] @ x)
-        return result
+        return np.exp(self._logarithms[0] @ x)
 
     def mass_factors(self, x: Floats) -> Floats:
         """Return the factors (3,) of the masses along the DLO, at points, at its tip, at x."""
-        result: Floats = np.exp(self._logarithms[1] @ x)
-        return result
+        return np.exp(self._logarithms[1] @ x)
 
     def coefficients(self, x: Floats) -> Floats:
         """Return (k, 3): of each function of s what is added to the natural strains, 1/m."""
@@ -409,13 +407,12 @@ class ParameterizedMesh:
         fields = {name: getattr(system, name) + more * change
                   for name, change in self.by_length.items()}
         heavier = parameters.mass_factors(x) - 1
-        result: Discretization = self.mesh.varied(**{
+        return self.mesh.varied(**{
             **fields, 'natural': fields.get('natural', system.natural)
             + self.means @ parameters.coefficients(x),
             'stiffness': parameters.stiffness_factors(x) * fields.get('stiffness',
-                                                                      system.stiffness),
+                                                    system.stiffness),
             'pull': fields.get('pull', system.pull) + np.tensordot(heavier, self._weights, 1)})
-        return result
 
     def equilibrium(self, x: Floats, gripper: Pose, before: Shape | None = None,
                     followed: bool = True) -> Shape:
@@ -511,8 +508,7 @@ def moved_points(shape: Shape, s: Floats, strains: Floats, stretch: Floats) -> F
     lengths, own, rotations, _ = kernel_arrays(shape)
     # a longer arc of the same curvature: a larger one that turns as much further
     changes = strains + stretch[:, :, None] * own
-    result: Floats = _moved_points(lengths, own, rotations, elements, fractions, changes, stretch)
-    return result
+    return _moved_points(lengths, own, rotations, elements, fractions, changes, stretch)
 
 
 @kernel

@@ -98,8 +98,7 @@ class FreeVibration:
 
     def end(self, state: Floats) -> Floats:
         """Return (2, 3) where the free end is off its rest in a state, m, and a quarter later."""
-        result: Floats = state @ self.modes.displacements[:, -1]
-        return result
+        return state @ self.modes.displacements[:, -1]
 
     @property
     def amplitude(self) -> float:

@@ -543,8 +543,7 @@ def _nested_alignment(simulator: DirectSimulator, initial: Shape, s: float, norm
         axis = np.cross(tangent, normal)
         sine = np.linalg.norm(axis)
         angle = np.arctan2(sine, tangent @ normal)
-        vector: Floats = axis * (angle / sine) if sine > 0 else axis
-        return vector
+        return axis * (angle / sine) if sine > 0 else axis
 
     start = across.T @ Rotation.from_matrix(initial.gripper.rotation @ reference.T).as_rotvec()
     solution = least_squares(angle_vector, start + offset, jac='3-point', method='lm', xtol=1e-14,

@@ -375,6 +375,5 @@ def _shape_at(discretization: Discretization, strains: Floats, base: Floats) -> 
     gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
     system = discretization.system(base)
     state = configuration_at(system, strains)
-    shape: Shape = shape_of(discretization, gripper,
-                            Minimum(state, np.inf, -np.inf, 0, 0, system))
-    return shape
+    return shape_of(discretization, gripper,
+                    Minimum(state, np.inf, -np.inf, 0, 0, system))

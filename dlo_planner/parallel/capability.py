@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 
 _MOST_CUTOUTS = 1_000_000_000
 _AT_ONCE = 32      # cut-outs in one piece of work
-_MOST = 10_000     # depths
 _PATIENCE = 30.0   # s
 _NUMBERS = ('amount', 'fraction', 'clearance', 'stability', 'roll', 'seconds')
 

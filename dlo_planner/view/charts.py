@@ -47,7 +47,7 @@ def plot_report(report: ValidationReport, ax: Axes | None = None) -> Figure:
     if ax is not None or trajectory is None:
         axes = _axes(ax)
         _report_bars(axes, report)
-        return _figure(axes)
+        return axes.figure
     figure: Figure = matplotlib('.pyplot').figure(figsize=_REPORT_SIZE, layout='constrained')
     bars, below = figure.subplots(2, 1, height_ratios=(1.7, 1.0))
     _report_bars(bars, report)
@@ -143,14 +143,14 @@ def plot_robustness(robust: Robustness, ax: Axes | None = None) -> Figure:
     axes.set(xlabel='waypoint', ylabel='miss [mm]', ylim=(0, None))
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
-    return _figure(axes)
+    return axes.figure
 
 
 def plot_trajectory(trajectory: Trajectory, ax: Axes | None = None) -> Figure:
     """Return the Figure of a Trajectory: the gripper's speeds beside their limits."""
     axes = _axes(ax)
     speeds(axes, trajectory)
-    return _figure(axes)
+    return axes.figure
 
 
 def plot_shapes(shapes: Any, ax: Axes | None = None) -> Figure:
@@ -169,8 +169,7 @@ def plot_shapes(shapes: Any, ax: Axes | None = None) -> Figure:
     frame.show(*box_around(points))
     frame.color_bar(float(max(len(shapes) - 1, 1)), 'shape')
     frame.title(repr(shapes))
-    figure_: Figure = frame.figure
-    return figure_
+    return frame.figure
 
 
 def _bars(ax: Axes | None, names: tuple[str, ...], values: Floats, texts: list[str],
@@ -188,7 +187,7 @@ def _bars(ax: Axes | None, names: tuple[str, ...], values: Floats, texts: list[s
     axes.set_yticklabels([name.replace('_', ' ') for name in names], fontsize=8)
     axes.invert_yaxis()
     axes.grid(axis='x', alpha=0.3)
-    return _figure(axes)
+    return axes.figure
 
 
 def _axes(ax: Axes | None) -> Any:
@@ -197,11 +196,6 @@ def _axes(ax: Axes | None) -> Any:
         return checked_axes(ax)
     return matplotlib('.pyplot').figure(
         figsize=_SIZE, layout='constrained').add_subplot()
-
-
-def _figure(axes: Any) -> Figure:
-    found: Figure = axes.figure
-    return found
 
 
 def _said(number: float, deviation: float) -> str:

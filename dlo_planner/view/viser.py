@@ -99,9 +99,8 @@ _BAR = round_bar()
 class Canvas:
     """Shows Primitives in a scene of viser; not thread-safe."""
 
-    def __init__(self, scene: Any, least_radius: float = 0.0) -> None:
-        self._scene = scene
-        self.least_radius = least_radius
+    def __init__(self, scene: Any) -> None:
+        self._scene, self.least_radius = scene, 0.0
         self._shown: dict[tuple[str, int], Primitive] = {}    # name -> Primitive
         self._handles: dict[tuple[str, int], Any] = {}  # name -> handle in the scene
 

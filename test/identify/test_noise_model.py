@@ -13,7 +13,6 @@ import pytest
 from dlo_planner import Rod
 from dlo_planner.identify.noise_model import LOSSES, MEstimator, long_run_covariance
 
-ROBUST = sorted({*LOSSES} - {'linear'})
 NOISE, SCALE = 2e-3, 1.5
 
 
