@@ -99,16 +99,13 @@ class ClosedLoop(Value):
 
     def __post_init__(self) -> None:
         put(self, room=number('ClosedLoop.room', self.room, above=0),
-            look=number('ClosedLoop.look', self.look, minimum=0),
-            pause=number('ClosedLoop.pause', self.pause, minimum=0),
-            patience=number('ClosedLoop.patience', self.patience, minimum=0),
-            period=number('ClosedLoop.period', self.period, minimum=0),
             share=number('ClosedLoop.share', self.share, above=0, maximum=1),
-            most_looks=integer('ClosedLoop.most_looks', self.most_looks, minimum=0, maximum=1000),
-            looks=integer('ClosedLoop.looks', self.looks, minimum=0, maximum=1000),
-            most_tries=integer('ClosedLoop.most_tries', self.most_tries, minimum=0, maximum=1000),
             tries=integer('ClosedLoop.tries', self.tries, minimum=0, maximum=1001),
-            at_standoff=flag('ClosedLoop.at_standoff', self.at_standoff))
+            at_standoff=flag('ClosedLoop.at_standoff', self.at_standoff),
+            **{name: number(f'ClosedLoop.{name}', getattr(self, name), minimum=0)
+               for name in ('look', 'pause', 'patience', 'period')},
+            **{name: integer(f'ClosedLoop.{name}', getattr(self, name), minimum=0, maximum=1000)
+               for name in ('most_looks', 'looks', 'most_tries')})
         instance('ClosedLoop.phase', self.phase, Phase)
         for name in ('since', 'corrected', 'doubted'):
             if getattr(self, name) is not None:

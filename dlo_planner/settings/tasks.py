@@ -64,18 +64,18 @@ def task_from_yaml(text: str, name: str = 'task') -> Task:
     return Task.from_dict(content)
 
 
-def open_task(text: str) -> dict[str, Any]:
+def open_task(text: str, name: str = 'task') -> dict[str, Any]:
     """Return the content of a YAML text that describes a task, of which some may be left out."""
     if len(instance('text', text, str)) > _LONGEST:
-        raise InvalidTask(f'task has {len(text)} characters: expected {_LONGEST} at most')
-    content: Any = load_yaml(text, 'task')
+        raise InvalidTask(f'{name} has {len(text)} characters: expected {_LONGEST} at most')
+    content: Any = load_yaml(text, name)
     kind = content.get('type') if isinstance(content, dict) else None
     known = [one.__name__ for one in classes_below(Task) if not one.__name__.startswith('_')]
     if kind not in known:
-        raise InvalidTask('task: expected {type: ..., ...} with a type of '
+        raise InvalidTask(f'{name}: expected {{type: ..., ...}} with a type of '
                           f'{", ".join(sorted(known))}, got {shown(content)}')
-    missing = None in _poses_in(content, 'task')[:1]
-    close_task(content, Pose((0, 0, 0), (0, 0, 0, 1)) if missing else None)
+    missing = None in _poses_in(content, name)[:1]
+    close_task(content, Pose((0, 0, 0), (0, 0, 0, 1)) if missing else None, name=name)
     return dict(content)
 
 

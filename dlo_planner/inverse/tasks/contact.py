@@ -347,10 +347,6 @@ class AlignedSlide(Family):
     def __init__(self, problem: ContactProblem, condition: str) -> None:
         self.simulator, self.problem, self.condition = problem.simulator, problem, condition
 
-    def passing(self, shape: Shape, depth: float) -> Passing:
-        """Return the Passing of a Shape at a depth, m."""
-        return Passing(shape, depth=depth)
-
     def at(self, before: Passing, depth: float, roll: float = 0.0,
            final: bool = False) -> Passing | None:
         """Return the Passing with the force that is the condition's minimum nearest to `before`."""
@@ -363,9 +359,9 @@ class AlignedSlide(Family):
         if force is None:
             return None
         if not final:
-            return self.passing(problem.family.shape(force), depth).after(before)
+            return Passing(problem.family.shape(force), depth=depth).after(before)
         found = problem.nearest_confirmed(force)
-        return found and self.passing(found[1], depth).after(before)
+        return found and Passing(found[1], depth=depth).after(before)
 
     def _force(self, problem: ContactProblem, before: Passing) -> float | None:
         last, cost = before.shape.gripper, problem.cost(self.condition, before.shape.gripper)
@@ -469,7 +465,7 @@ class StraightSlide(AlignedSlide):
             left = sign * (self._touches_at(shape, target) - target)
             tested = _Trial(trial, left if shape.converged and not shape.jumped else np.nan, shape)
             if abs(tested.left) <= _ARC_ERROR * length:
-                return self.passing(shape, depth).after(before)
+                return Passing(shape, depth=depth).after(before)
             if tested.left > 0:
                 near, before_that = tested, near
             else:
@@ -526,7 +522,7 @@ class StraightSlide(AlignedSlide):
         _, left, shape = min(known, key=lambda one: abs(one.left))
         length = self.simulator.rod.length
         if abs(left) <= _HOP * length:  # from one side of a node to the other
-            return self.passing(shape, length - target).after(before)
+            return Passing(shape, depth=length - target).after(before)
         if far is not None and np.isnan(far.left) and (
                 far.shape.jumped or not np.isnan(self._touches_at(far.shape, target))):
             self._ended = ('continuity', apart(far.shape, near.shape), 'the DLO would fall '
@@ -655,6 +651,6 @@ class SlideContact(Task):
                         else self.condition, context.start, builder)
         family = (StraightSlide(problem, first.gripper) if self.mode == 'straight' else
                   AlignedSlide(problem, self.condition))
-        continue_family(builder, Follower(family, family.passing(first, depths[0]), depths[0],
-                                          depths), family.waypoint)
+        begin = Passing(first, depth=depths[0])
+        continue_family(builder, Follower(family, begin, depths[0], depths), family.waypoint)
         return builder.finished()
