@@ -278,11 +278,6 @@ class Discretization(Value):
         rod, around, s = self.surroundings.rod, self.surroundings, self.s
         lengths = s[1:] - s[:-1]
         stiffness = rod.mean_stiffnesses(s)
-        scale = unknown_scale(self.basis, stiffness, lengths, rod.stiffness)
-        factors = None
-        if rod.varies and self.basis != 'local':  # terms count by the energy that they store
-            factors = np.sqrt((rod.stiffness / stiffness).min(axis=1))
-            scale /= factors[:, None]
         pull = -node_masses(rod, s)[:, None] * around.gravity - node_forces(around, s)
         weight = np.sqrt(np.einsum('ki,ki->k', pull, pull)).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
@@ -290,8 +285,9 @@ class Discretization(Value):
             put(self, **{name: min(stiff * (weight + bend), most * bend) / rod.length})
         effects = free_terms(pull)
         put(self, free=Problem(
-            lengths, rod.mean_natural_strains(s), stiffness, scale,
-            orthonormal_basis(self.basis, self.n_terms, s, factors), np.eye(3), np.zeros(3),
+            lengths, rod.mean_natural_strains(s), stiffness,
+            unknown_scale(self.basis, stiffness, lengths),
+            orthonormal_basis(self.basis, self.n_terms, s, stiffness), np.eye(3), np.zeros(3),
             effects, structure_of(effects, s.size), np.zeros((0, 3)), 0.0))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -474,20 +470,23 @@ class Discretization(Value):
     @property
     def n_unknowns(self) -> int:
         """Number of unknowns per strain component."""
-        return self.free.basis.shape[1] or self.s.size - 1
+        return self.free.basis.shape[2] or self.s.size - 1
 
     def unknowns(self, strains: Floats) -> Floats:
         """Return q (m, 3) whose strains are nearest to `strains` (N, 3)."""
         system = self.free
         values: Floats = (strains - system.natural) / system.scale
         if system.basis.shape[1]:
-            values = system.basis.T @ (values * system.lengths[:, None])
+            values = np.einsum('iej,ei->ji', system.basis, values * system.lengths[:, None],
+                               order='C')
         return values
 
     def strains_of(self, q: Floats) -> Floats:
         """Return (N, 3) the strains of unknowns q (m, 3)."""
         system = self.free
-        return system.natural + system.scale * (system.basis @ q if system.basis.shape[1] else q)
+        if system.basis.shape[1]:
+            q = np.einsum('iej,ji->ei', system.basis, q, order='C')
+        return system.natural + system.scale * q
 
     def has_nodes(self, s: Floats) -> bool:
         """Whether its nodes are at `s` (n,), m."""
@@ -566,14 +565,12 @@ class Discretization(Value):
                               self)
 
 
-def unknown_scale(basis: str, stiffness: Floats, lengths: Floats, mean: Floats) -> Floats:
+def unknown_scale(basis: str, stiffness: Floats, lengths: Floats) -> Floats:
     """Return (..., N, 3) strain per unknown, so that the elastic energy is half their square sum.
 
-    Shapes: stiffness (..., N, 3), lengths (..., N), the rod's mean stiffness (..., 3).
+    Shapes: stiffness (..., N, 3), lengths (..., N).
     """
-    if basis == 'local':
-        return 1 / np.sqrt(stiffness * lengths[..., None])
-    return np.sqrt(mean) / stiffness  # moments, which do not jump where the stiffness does
+    return 1 / np.sqrt(stiffness * lengths[..., None] if basis == 'local' else stiffness)
 
 
 # ------------------------------------------------------------------------------------------------

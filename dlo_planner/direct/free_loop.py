@@ -118,8 +118,9 @@ def _table(mesh: Discretization, s: Floats, rods: Sequence[Rod]) -> RodTable:
     natural = np.array([(rod.natural_twist, *rod.natural_curvature) for rod in even_rods])
     elements, strains = (np.repeat(one[:, None], h.shape[1], axis=1)
                          for one in (stiffness, natural))
-    scale = unknown_scale(mesh.basis, elements, h[mesh_of], stiffness[:, None])
-    basis = np.array([orthonormal_basis(mesh.basis, mesh.n_terms, one) for one in nodes])
+    scale = unknown_scale(mesh.basis, elements, h[mesh_of])
+    basis = np.array([orthonormal_basis(mesh.basis, mesh.n_terms, one, np.ones_like(strains[0]))
+                      for one in nodes])
     return RodTable(mesh_of, h, basis, strains, elements, scale,
                     _pulls(mesh.surroundings, rods, nodes[mesh_of]))
 

@@ -161,7 +161,7 @@ def _jacobian(system: Problem, hessian: Hessian, positions: Floats) -> Floats:
     turning, basis = hessian.twist_jacobian, system.basis
     n = len(turning)
     if basis.shape[1]:
-        twists = np.einsum('ej,eki->ekji', basis, turning)
+        twists = np.einsum('iej,eki->ekji', basis, turning)
     else:
         twists = np.zeros((n, 6, n, 3))
         twists[np.arange(n), :, np.arange(n)] = turning
@@ -191,10 +191,10 @@ def _stiffness(system: Problem, hessian: Hessian) -> Floats:
 def _strains(system: Problem) -> Floats:
     """Return (N, 3, 3 m): change of the elements' strains by the unknowns."""
     n = system.lengths.size
-    basis = system.basis if system.basis.shape[1] else np.eye(n)
-    strains = np.zeros((n, 3, basis.shape[1], 3))
+    basis = system.basis if system.basis.shape[1] else np.tile(np.eye(n), (3, 1, 1))
+    strains = np.zeros((n, 3, basis.shape[2], 3))
     for i in range(3):
-        strains[:, i, :, i] = system.scale[:, i, None] * basis
+        strains[:, i, :, i] = system.scale[:, i, None] * basis[i]
     return strains.reshape(n, 3, -1)
 
 

@@ -141,12 +141,12 @@ def turn_of(system: Problem, q: Floats) -> Floats:
 
 
 def _basis(basis: Floats, term: float) -> Floats:
-    """Return the basis (N + 1, N_c + 1) with a `term` of the hinge alone; (N + 1, 0) if local."""
-    n, terms = basis.shape
-    if not terms:
-        return np.zeros((n + 1, 0))
-    wider = np.zeros((n + 1, terms + 1))
-    wider[1:, :-1], wider[0, -1] = basis, term
+    """Return the basis (3, N + 1, N_c + 1) with a `term` of the hinge alone; (3, 0, 0) if local."""
+    _, n, terms = basis.shape
+    if not n:
+        return basis
+    wider = np.zeros((3, n + 1, terms + 1))
+    wider[:, 1:, :-1], wider[:, 0, -1] = basis, term
     return wider
 
 
@@ -231,7 +231,8 @@ def described_minimum(mesh: Discretization, system: Problem, strains: Floats,
 
     `residual` is that of the series' coefficients; `stability` is the DLO's own, freed from them.
     """
-    series = _Series(system, orthonormal_basis(mesh.basis, mesh.n_terms, mesh.s))
+    series = _Series(system, orthonormal_basis(mesh.basis, mesh.n_terms, mesh.s,
+                                               np.ones_like(system.natural))[0])
     state, bend = series.state, series.bend
     problem = Objective(series.value, series.value_and_gradient, bend, rounding(system))
     iterations = evaluations = kicks = 0

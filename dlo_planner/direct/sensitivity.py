@@ -78,7 +78,7 @@ class Sensitivity:
         """(N, 3, 6) derivatives of the elements' strains by the gripper's twist."""
         values = np.moveaxis(self._answers, 0, 2)
         if self._system.basis.shape[1]:
-            values = np.einsum('em,mik->eik', self._system.basis, values)
+            values = np.einsum('iem,mik->eik', self._system.basis, values)
         return self._system.scale[:, :, None] * values
 
     def strains_by(self, slopes: Floats) -> Floats:
@@ -94,7 +94,7 @@ class Sensitivity:
         `more` (N, 3) is added to the strains of the shape, 1/m; other `fields` of the Problem.
         """
         # one unknown strain an element: these strains, whatever the basis
-        system = self._system._replace(basis=np.zeros((self._system.lengths.size, 0)), **fields)
+        system = self._system._replace(basis=np.zeros((3, 0, 0)), **fields)
         q = (self._state.strains + more - system.natural) / system.scale
         return evaluated(system, q).gradient / system.scale
 

@@ -54,8 +54,8 @@ def at_elements(basis, q):
     """Return the unknowns q (m, 3) at all elements (N, 3): q itself, or the series' values."""
     if basis.shape[1] == 0:
         return q
-    values = np.empty((basis.shape[0], 3))
-    for e in range(basis.shape[0]):
+    values = np.empty((basis.shape[1], 3))
+    for e in range(basis.shape[1]):
         values[e, 0], values[e, 1], values[e, 2] = value_at(basis, q, e)
     return values
 
@@ -66,10 +66,10 @@ def value_at(basis, q, e):
     if basis.shape[1] == 0:
         return q[e, 0], q[e, 1], q[e, 2]
     x = y = z = 0.0
-    for j in range(basis.shape[1]):
-        x += basis[e, j] * q[j, 0]
-        y += basis[e, j] * q[j, 1]
-        z += basis[e, j] * q[j, 2]
+    for j in range(basis.shape[2]):
+        x += basis[0, e, j] * q[j, 0]
+        y += basis[1, e, j] * q[j, 1]
+        z += basis[2, e, j] * q[j, 2]
     return x, y, z
 
 
@@ -109,17 +109,19 @@ def evaluate(system: Problem, state: Configuration) -> tuple[float, float]:
 @kernel
 def project(basis, values, out):
     """Fill out (m, 3) with the sum over the elements of basis times values (N, 3)."""
-    n, terms = basis.shape
-    if terms == 0:
+    _, n, terms = basis.shape
+    if n == 0:
         copy(values, out)
         return
+    sums = np.zeros((3, terms))  # each component's lie side by side
+    for e in range(n):
+        for i in range(3):
+            value = values[e, i]
+            for j in range(terms):
+                sums[i, j] += basis[i, e, j] * value
     for j in range(terms):
         for i in range(3):
-            out[j, i] = 0.0
-    for e in range(n):
-        for j in range(terms):
-            for i in range(3):
-                out[j, i] += basis[e, j] * values[e, i]
+            out[j, i] = sums[i, j]
 
 
 @kernel

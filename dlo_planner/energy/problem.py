@@ -26,8 +26,8 @@ class Problem(Record):
     lengths: Floats  # (N,) lengths of the elements, m
     natural: Floats  # (N, 3) stress-free strains, 1/m
     stiffness: Floats  # (N, 3) GJ, EI_n, EI_b, N m^2
-    scale: Floats  # (N, 3) strain = natural + scale * (basis @ q, or q itself)
-    basis: Floats  # (N, N_c) orthonormal basis at the elements; (N, 0): local
+    scale: Floats  # (N, 3) strain i = natural + scale * (basis[i] @ q[:, i], or q itself)
+    basis: Floats  # (3, N, N_c) orthonormal bases at the elements; (3, 0, 0): local
     base: Floats  # (3, 3) rotation of the gripper
     origin: Floats  # (3,) its position, m
     effects: Terms  # what acts on the DLO
@@ -98,7 +98,7 @@ def unknown_count(system):
     """Return m, the number of unknowns per strain component."""
     if system.basis.shape[1] == 0:
         return system.lengths.size
-    return system.basis.shape[1]
+    return system.basis.shape[2]
 
 
 @kernel

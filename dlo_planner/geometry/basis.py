@@ -17,7 +17,8 @@ from dlo_planner.model.arrays import Floats
 #
 # Every strain is written as its natural value plus a series. The functions are orthonormalized
 # (QR, weights h) so that the elastic energy is half the squared norm of the unknowns; what the
-# series spans is the paper's, what the minimizer sees is well conditioned.
+# series spans is the paper's, what the minimizer sees is well conditioned. Where the stiffness
+# varies they are series of moments, which do not jump where it does.
 
 
 BASES = ('chebyshev', 'fourier', 'fourier_polynomial', 'local')
@@ -56,26 +57,24 @@ def converging(basis: str) -> str:
     return 'fourier_polynomial' if basis == 'fourier' else basis
 
 
-def orthonormal_basis(basis: str, n_terms: int, s: Floats,
-                      factors: Floats | None = None) -> Floats:
-    """Return (N, m): the basis at the middle of the elements, orthonormal with weight h.
+def orthonormal_basis(basis: str, n_terms: int, s: Floats, stiffness: Floats) -> Floats:
+    """Return (3, N, m): the basis of each strain at the elements, orthonormal with weight h.
 
-    N strains are all that N elements can have, so m is n_terms or N, whichever is less: further
-    terms could not be told from the first N, and nothing is lost without them. Its functions are
-    the basis' times `factors` (N,), by which the elements count; None: all alike.
+    Its functions are those named, at the middle of the elements, over the root of the stiffness. N
+    strains are all that N elements can have, so m is n_terms or N, whichever is less: further
+    terms could not be told from the first N, and nothing is lost without them. (3, 0, 0): local.
 
-    Shapes: s (N + 1,).
+    Shapes: s (N + 1,), stiffness (N, 3).
     """
     if basis == 'local':
-        return np.zeros((s.size - 1, 0))
+        return np.zeros((3, 0, 0))
     middle = 0.5 * (s[1:] + s[:-1])
     root = np.sqrt(np.diff(s))[:, None]
-    terms = min(n_terms, middle.size)
-    functions = _FUNCTIONS[basis](2 * middle / s[-1] - 1, terms)
-    if factors is not None:
-        functions *= factors[:, None]
-    q, r = np.linalg.qr(root * functions)
-    return np.ascontiguousarray(q * np.where(np.diag(r) < 0, -1.0, 1.0) / root)
+    functions = _FUNCTIONS[basis](2 * middle / s[-1] - 1, min(n_terms, middle.size))
+    weights = root / np.sqrt(stiffness / stiffness[0])  # of even rods the same to the last bit
+    q, r = np.linalg.qr(weights.T[:, :, None] * functions)
+    signs = np.where(np.diagonal(r, axis1=1, axis2=2) < 0, -1.0, 1.0)
+    return np.ascontiguousarray(q * signs[:, None] / root)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -124,11 +123,11 @@ def truncation_error(lengths: Floats, strains: Floats, natural: Floats, scale: F
     Arcs of constant strain misplace the end of an element by h^3 |u'| / 12, and a series that ends
     too early by what its last two terms still do.
     """
-    n, terms = basis.shape
+    terms = basis.shape[2]
     last = np.zeros(3)  # of the series, as strains
     total = lengths[0]
     mesh = 0.0
-    for e in range(1, n):
+    for e in range(1, lengths.size):
         h = lengths[e]
         total += h
         change = 0.0
@@ -138,9 +137,9 @@ def truncation_error(lengths: Floats, strains: Floats, natural: Floats, scale: F
     series = 0.0
     for j in range(max(terms - 2, 0), terms):
         last[:] = 0.0
-        for e in range(n):
+        for e in range(lengths.size):
             for i in range(3):
-                last[i] += (basis[e, j] * lengths[e] * (strains[e, i] - natural[e, i])
+                last[i] += (basis[i, e, j] * lengths[e] * (strains[e, i] - natural[e, i])
                             / scale[e, i])
         for i in range(3):
             series += abs(last[i]) * scale[0, i]

@@ -471,8 +471,9 @@ class ParameterizedMesh:
         own = np.zeros_like(natural)
         if system.basis.shape[1]:
             lengths = np.diff(shape.s)[:, None]
-            own = natural - system.scale * (system.basis @ (
-                system.basis.T @ (natural / system.scale * lengths)))
+            terms = np.einsum('iej,kei->kji', system.basis, natural / system.scale * lengths)
+            told = np.einsum('iej,kji->kei', system.basis, terms, order='C')
+            own = natural - system.scale * told
         step = _TURN / shape.s[-1]
         for k in np.flatnonzero(natural.any(axis=(1, 2)) if yields else
                                 np.abs(own).max(axis=(1, 2)) > _TOLD):

@@ -25,16 +25,16 @@ def project_all(basis, hessian):
 
 @kernel
 def _project_turns(basis, blocks, dense):
-    n, m = basis.shape
-    rows, prefix = np.empty((n, 9 * m)), np.zeros((9, m))
+    _, n, m = basis.shape
+    rows, prefix = np.empty((3, n, 3 * m)), np.zeros((3, 3 * m))
     _fill_rows(basis, blocks, prefix, rows, 0, n, 3)
     _put_together(basis, rows, dense)
 
 
 @kernel
 def _project_twists(basis, blocks, dense):
-    n, m = basis.shape
-    rows, prefix = np.empty((n, 9 * m)), np.zeros((18, m))
+    _, n, m = basis.shape
+    rows, prefix = np.empty((3, n, 3 * m)), np.zeros((6, 3 * m))
     reach = _reach_of_springs(blocks[1])
     _fill_rows(basis, blocks, prefix, rows, 0, reach, 6)
     _fill_rows(basis, blocks, prefix, rows, reach, n, 3)  # displacements do not matter there
@@ -56,40 +56,43 @@ def _reach_of_springs(crosses):
 
 @kernel(inline='always')
 def _fill_rows(basis, blocks, prefix, rows, begin, end, wide):
-    """Fill rows (N, 9 m) of elements: what of the Hessian is to be multiplied by their basis.
+    """Fill rows (3, N, 3 m) of elements: what of the Hessian is to be multiplied by their basis.
 
     Inner loops run over the terms, which lie side by side: the compiler makes vectors of them.
     """
-    m = basis.shape[1]
+    m = basis.shape[2]
     jacobians, crosses, diagonals = blocks
     for f in range(begin, end):
         jacobian, cross, diagonal = jacobians[f], crosses[f], diagonals[f]
         for a in range(3):
             for b in range(3):
-                own, at = 0.5 * diagonal[a, b], (3 * a + b) * m
+                own = 0.5 * diagonal[a, b]
                 for j in range(m):
-                    total = own * basis[f, j]
-                    for k in range(wide):
-                        total += cross[a, k] * prefix[3 * k + b, j]
-                    rows[f, at + j] = total
+                    rows[a, f, b * m + j] = own * basis[b, f, j]
+            for j in range(3 * m):
+                total = rows[a, f, j]
+                for k in range(wide):
+                    total += cross[a, k] * prefix[k, j]
+                rows[a, f, j] = total
         for k in range(wide):
             for b in range(3):
                 turning = jacobian[k, b]
                 for j in range(m):
-                    prefix[3 * k + b, j] += turning * basis[f, j]
+                    prefix[k, b * m + j] += turning * basis[b, f, j]
 
 
 @kernel
 def _put_together(basis, rows, dense):
     """Fill dense (3 m, 3 m), unknown (j, i) at row 3 j + i, of the rows of all elements."""
-    m = basis.shape[1]
-    half = basis.T @ rows
+    m = basis.shape[2]
+    half = np.empty((3, m, 3 * m))
+    for a in range(3):
+        np.dot(basis[a].T, rows[a], half[a])
     for k in range(m):
         for j in range(m):
             for a in range(3):
                 for b in range(3):
-                    dense[3 * k + a, 3 * j + b] = (half[k, (3 * a + b) * m + j]
-                                                   + half[j, (3 * b + a) * m + k])
+                    dense[3 * k + a, 3 * j + b] = half[a, k, b * m + j] + half[b, j, a * m + k]
 
 
 @kernel

@@ -10,6 +10,7 @@ is solved with answers H^-1 A^T, found one by one, and the inverse of A H^-1 A^T
 
 import numpy as np
 
+from dlo_planner.energy.potential import project
 from dlo_planner.energy.terms import constraint_jacobian
 from dlo_planner.geometry.so3 import coefficients_in, columns_scaled, jacobians_with, matrix, times
 from dlo_planner.kernels import kernel
@@ -27,7 +28,7 @@ def fill_border(system, state, hessian, border):
     n, held = system.lengths.size, border.rows.shape[0]
     if held == 0:
         return
-    twists, values = np.empty((held, 6)), np.empty((n, held, 3))
+    twists, values = np.empty((held, 6)), np.empty((held, n, 3))
     constraint_jacobian(system.effects, state.rotations[n], state.positions[n], twists)
     for e in range(n):
         h, u, x, scale = (system.lengths[e], state.strains[e], state.positions[e + 1],
@@ -42,26 +43,10 @@ def fill_border(system, state, hessian, border):
             m1 = twists[row, 1] - x[2] * f0 + x[0] * f2
             m2 = twists[row, 2] - x[0] * f1 + x[1] * f0
             for i in range(3):
-                values[e, row, i] = (turned[i] * m0 + turned[3 + i] * m1 + turned[6 + i] * m2
+                values[row, e, i] = (turned[i] * m0 + turned[3 + i] * m1 + turned[6 + i] * m2
                                      + moved[i] * f0 + moved[3 + i] * f1 + moved[6 + i] * f2)
-    project_rows(system.basis, values, border.rows)
-
-
-@kernel
-def project_rows(basis, values, rows):
-    """Fill rows (K, m, 3) with the sum over the elements of basis times values (N, K, 3)."""
-    held, m = rows.shape[0], rows.shape[1]
-    if basis.shape[1] == 0:
-        for row in range(held):
-            for e in range(m):
-                for i in range(3):
-                    rows[row, e, i] = values[e, row, i]
-        return
-    sums = basis.T @ values.reshape((values.shape[0], 3 * held))
     for row in range(held):
-        for j in range(m):
-            for i in range(3):
-                rows[row, j, i] = sums[j, 3 * row + i]
+        project(system.basis, values[row], border.rows[row])
 
 
 @kernel

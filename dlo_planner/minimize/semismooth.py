@@ -259,11 +259,11 @@ def unit_loads(system, state, hessian, element, fraction, beside, axes):
                     rows[e, b, p] += moved * axes[p, i]
     if system.basis.shape[1] == 0:
         return rows
-    loads = np.zeros((system.basis.shape[1], 3, size))
+    loads = np.zeros((system.basis.shape[2], 3, size))
     for e in range(n):
         for k in range(loads.shape[0]):
-            by = system.basis[e, k]
             for j in range(3):
+                by = system.basis[j, e, k]
                 for p in range(size):
                     loads[k, j, p] += by * rows[e, j, p]
     return loads

@@ -405,7 +405,7 @@ class RodTable(Record):
 
     mesh: Ints  # (r,) which of the u meshes each rod has
     lengths: Floats  # (u, N) of the elements, m
-    basis: Floats  # (u, N, N_c) orthonormal; (u, N, 0): local
+    basis: Floats  # (u, 3, N, N_c) orthonormal; (u, 3, 0, 0): local
     natural: Floats  # (r, N, 3) as of a Problem, like what follows
     stiffness: Floats  # (r, N, 3) N m^2
     scale: Floats  # (r, N, 3) of the unknowns
@@ -462,11 +462,10 @@ def solve_free(system: Problem, rods: RodTable, rod_of: Ints, bases: Floats, ori
 @kernel
 def _put_rod(system, rods, rod, other_mesh):
     """Write a rod into the Problem; its mesh, too, if that is another one."""
-    n, u = system.lengths.size, rods.mesh[rod]
-    for e in range(n if other_mesh else 0):
-        system.lengths[e] = rods.lengths[u, e]
-        for j in range(system.basis.shape[1]):
-            system.basis[e, j] = rods.basis[u, e, j]
+    u = rods.mesh[rod]
+    if other_mesh:
+        system.lengths[:] = rods.lengths[u]
+        system.basis[:] = rods.basis[u]
     copy(rods.natural[rod], system.natural)
     copy(rods.stiffness[rod], system.stiffness)
     copy(rods.scale[rod], system.scale)

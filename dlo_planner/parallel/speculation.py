@@ -278,7 +278,7 @@ def _look(task: tuple[Problem, Floats, str, float, int]) -> tuple[Floats, int]:
 
 def unknowns(system: Problem, strains: Floats) -> Floats:
     """Return the unknowns (m, 3) of strains (N, 3)."""
-    q = np.empty((system.basis.shape[1] or system.lengths.size, 3))
+    q = np.empty((system.basis.shape[2] or system.lengths.size, 3))
     unknowns_of(system, np.array(strains), q)
     return q
 
