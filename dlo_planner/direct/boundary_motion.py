@@ -51,13 +51,12 @@ class GripTrajectory(Value):
         values = self._spline(place)
         return Pose(values[:3], values[3:])
 
-    def along(self, places: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return rotations (k, 3, 3), positions (k, 3), `twist`s (k, 6) at `places` (k,)."""
+    def along(self, places: Floats) -> tuple[Floats, Floats]:
+        """Return rotations (k, 3, 3) and positions (k, 3) at `places` (k,)."""
         if self._spline is None:
             first, many = self.poses[0], (len(places), 1)
-            return (np.tile(first.rotation, (*many, 1)), np.tile(first.position, many),
-                    np.zeros((len(places), 6)))
-        values, rates = self._spline(places), self._spline(places, 1) / self.dt
+            return np.tile(first.rotation, (*many, 1)), np.tile(first.position, many)
+        values = self._spline(places)
         positions = values[:, :3].copy()
         rotations = scipy.spatial.transform.Rotation.from_quat(values[:, 3:]).as_matrix()
         nearest = np.rint(places).astype(int)
@@ -65,11 +64,7 @@ class GripTrajectory(Value):
         for k in np.flatnonzero(given):  # not as the spline rounds them
             pose = self.poses[nearest[k]]
             rotations[k], positions[k] = pose.rotation, pose.position
-        # the quaternion has any size: omega = 2 q' q* / |q|^2
-        (v, w), (dv, dw) = ((one[:, 3:6], one[:, 6:]) for one in (values, rates))
-        turning = 2 * (w * dv - dw * v + np.cross(v, dv)) / np.sum(values[:, 3:] ** 2, axis=1)[
-            :, None]
-        return rotations, positions, np.hstack([rates[:, :3], turning])
+        return rotations, positions
 
 
 def _spline(poses: Sequence[Pose], at_rest: bool) -> Any:

@@ -28,7 +28,7 @@ from dlo_planner.direct.integrator import (
     credit_renewal,
 )
 from dlo_planner.direct.motion import Deferred, Motion
-from dlo_planner.direct.search import MAX_ITERATIONS, Search
+from dlo_planner.direct.search import KEPT, MAX_ITERATIONS, Search
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium, past_of
 from dlo_planner.direct.stepper import (
@@ -290,7 +290,6 @@ def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:
 
 
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
-_NOISE = 1e-5        # of weight times length and of a bend by 1 rad: the same, at rest
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
 _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
 _CALM = 16           # steps that all were well within, before it is
@@ -356,7 +355,7 @@ class _StepControl:
         self.now, self.stuck = first, False
         self._stepper, self._plan = stepper, plan
         self._fixed = plan.integrator == 'paper'
-        place, speed, acceleration, _ = first.row.nodes  # as if it had moved evenly till now
+        place, speed, acceleration = first.row.nodes[:3]  # as if it had moved evenly till now
         self._past = [(-dt, place - dt * speed + 0.5 * dt**2 * acceleration)
                       for dt in (2 * stepper.dt, stepper.dt)]
         self._at = self._level = self._calm = 0  # time in the shortest steps; halvings; steps
@@ -367,8 +366,9 @@ class _StepControl:
                                 first.balance])
         self._began = first.balance
         mesh = stepper.discretization
-        self._noise = _NOISE * (np.abs(mesh.load).sum() * mesh.rod.length
-                                + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
+        # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
+        self._noise = KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
+                              + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
 
     def run(self, reached: list[TimePoint], status: str = 'complete', message: str = '') -> Run:
         """Return the Run so far."""

@@ -39,6 +39,7 @@ from dlo_planner.energy.terms import (
 )
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record, copy, replaced
+from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.active_set import enlarge_active_set
 from dlo_planner.minimize.contact_table import touching
@@ -73,9 +74,8 @@ _PER_STEP = 0.5      # of the energy that a motion may still gain
 AFTER = 4            # steps since an impact until the scheme is as ever
 _LANDING = 1e-6      # of the length: what comes nearer to an obstacle by more in a step lands there
 _GRAZING = 0.02      # rad: so it may come nearer where it slides along what is curved
-_CALMS = 12          # steps by implicit Euler's and AFTER others, to calm down what makes energy
 _EXACT = 1e-4        # relative error of an eigenvalue
-ELASTIC, STATIC, KINETIC, WORK, POWER, DAMPED, DISSIPATED, RUBBED, PUSHED = range(9)
+ELASTIC, STATIC, KINETIC, WORK, DAMPED, DISSIPATED, RUBBED, PUSHED = range(8)
 
 
 class SchemeCoefficients(Record):
@@ -124,24 +124,24 @@ class StepBuffer(Record):
     """
 
     times: Floats         # (r,)
-    bases: Floats         # (r, 3, 3), (r, 3), (r, 6) of the gripper: rotation, position, velocity
-    origins: Floats       # and angular velocity
-    twists: Floats
+    bases: Floats         # (r, 3, 3), (r, 3) of the gripper: rotation, position
+    origins: Floats
     targets: Floats       # the same of the grip of the far end
     axes: Floats
-    end_twists: Floats
     held: Floats          # (r, K, 6) what that grip holds, as of a GripConstraint
     reach: Floats         # (r,) by how much it may be missed; below zero where it is out of reach
-    nodes: Floats         # (4, r, N + 1, 3) position, velocity, acceleration, mean acceleration
-    bends: Floats         # (4, r, N, 3) the same of the strains
+    nodes: Floats         # (5, r, N + 1, 3) position, velocity, acceleration, means of the last
+                          # and of velocities, as they change momenta
+    bends: Floats         # (5, r, N, 3) the same of the strains
     frames: Floats        # (r, N + 1, 3, 3)
     wrenches: Floats      # (r, 6) of the gripper and of the far end's grip on the DLO
     end_wrenches: Floats
+    mean_wrenches: Floats # (r, 2, 6) of both, as they change the momentum
     proofs: Floats        # (r, 4) residual, stability, local error, violation of constraints
     iterations: Ints      # (r,)
     evaluations: Ints     # (r,) of methods that count them
-    energies: Floats      # (r, 9) at ELASTIC, STATIC (elastic and loads), KINETIC; WORK, POWER of
-                          # the grips; lost by damping, plasticity, friction; PUSHED: what contacts
+    energies: Floats      # (r, 8) at ELASTIC, STATIC (elastic and loads), KINETIC; WORK of the
+                          # grips; lost by damping, plasticity, friction; PUSHED: what contacts
                           # did along the chords of steps
     converged: Bools      # (r,)
     impulsive: Ints       # (r,) how many steps more are not by the scheme itself, after an impact
@@ -218,11 +218,10 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
             if good or not options.any_error:  # a shorter step may be good
                 budget[:] = trial if good else budget
                 return
-            left = _CALMS
     buffer.impulsive[row] = 1
     _solve_step(system, impact, buffer, row, options, guess)
     account(system, impact, how, buffer, row, options)
-    buffer.impulsive[row] = 1 + AFTER if _lands(system, how, buffer, row) else max(left - 1, AFTER)
+    buffer.impulsive[row] = AFTER + _lands(system, how, buffer, row)
 
 
 @kernel
@@ -620,16 +619,12 @@ def _keep_contacts(contact, forces, contacts, buffer, row):
 def account(system, how, outer, buffer, row, options):
     """Fill a row with its energies, and the local error of the step by the scheme `outer`."""
     nodes, bends, energies = buffer.nodes, buffer.bends, buffer.energies
-    power = _power(buffer, row, row, options)
-    # the forces of a step of first order are the same all the step long
-    before = _power(buffer, row, row - 1, options) if how.gamma == 1.0 else energies[row - 1, POWER]
     elastic = stored(system.effects, system, bends[0, row]) + _stored_plastic(
         system.effects.plastic, system, buffer, row)
     energies[row, ELASTIC] = elastic
     energies[row, STATIC] = elastic + potential(system.effects, system, nodes[0, row])
     energies[row, KINETIC] = _kinetic(how, nodes, row)
-    energies[row, WORK] = energies[row - 1, WORK] + 0.5 * how.dt * (before + power)
-    energies[row, POWER] = power
+    energies[row, WORK] = energies[row - 1, WORK] + _work(how, buffer, row, options)
     damped = _damping_work(system, how, nodes, bends, row)
     energies[row, DAMPED] = energies[row - 1, DAMPED] + damped
     rubbed, pushed = _contact_work(system, buffer, row)
@@ -639,23 +634,38 @@ def account(system, how, outer, buffer, row, options):
 
 
 @kernel
-def _power(buffer, row, moves, options):
-    """Return the power of the grips' wrenches in a row as they move in row `moves`, W."""
-    power = 0.0
-    for i in range(6):
-        power += buffer.wrenches[row, i] * buffer.twists[moves, i]
+def _work(how, buffer, row, options):
+    """Return the work of the grips in the step to a row, J; fill their mean wrenches there.
+
+    It is that of the wrenches which change the momentum in the step, along the way of the grips:
+    wrenches at its ends differ from them where vibrations are too quick for the step.
+    """
+    work = _work_along(how, buffer.wrenches, buffer.mean_wrenches[:, 0], row,
+                       buffer.bases, buffer.origins, np.zeros(3))
     if buffer.held.shape[1]:
-        wrench, twist, last = buffer.end_wrenches[row], buffer.end_twists[moves], (
-            buffer.nodes.shape[2] - 1)
-        for i in range(6):
-            power += wrench[i] * twist[i]
+        away, last = np.zeros(3), buffer.nodes.shape[2] - 1
         if options.sleeve:  # the end is not where the sleeve's pose is
             for i in range(3):
-                j, k = (i + 1) % 3, (i + 2) % 3
-                power += wrench[i] * (
-                    twist[3 + j] * (buffer.nodes[0, row, last, k] - buffer.targets[moves, k])
-                    - twist[3 + k] * (buffer.nodes[0, row, last, j] - buffer.targets[moves, j]))
-    return power
+                for k in range(row - 1, row + 1):
+                    away[i] += 0.5 * (buffer.nodes[0, k, last, i] - buffer.targets[k, i])
+        work += _work_along(how, buffer.end_wrenches, buffer.mean_wrenches[:, 1], row,
+                            buffer.axes, buffer.targets, away)
+    return work
+
+
+@kernel
+def _work_along(how, wrenches, means, row, bases, places, away):
+    """Return the work in the step to a row of wrenches on points `away` (3,) from moving frames."""
+    work, turn = 0.0, rotation_vector(times_transposed(matrix(bases[row]), matrix(bases[row - 1])))
+    for i in range(6):
+        means[row, i] = _mean(how, wrenches[row - 1, i], wrenches[row, i], means[row - 1, i])
+        if i < 3:
+            j, k = (i + 1) % 3, (i + 2) % 3
+            way = places[row, i] - places[row - 1, i] + turn[j] * away[k] - turn[k] * away[j]
+        else:
+            way = turn[i - 3]
+        work += ((1 - how.gamma) * means[row - 1, i] + how.gamma * means[row, i]) * way
+    return work
 
 
 @kernel
@@ -681,21 +691,28 @@ def _kinetic(how, nodes, row):
 
 @kernel
 def _damping_work(system, how, nodes, bends, row):
-    """Return the energy that damping takes at least in the step to a row, J.
+    """Return the energy that damping takes in the step to a row, J.
 
-    That is what it takes of an even motion from one end of the step to the other. Vibrations too
-    quick for the step have rates at its ends that are not those on the way: of what they seem to
-    take, the scheme takes next to nothing, and a motion would seem to gain it.
+    That of the forces which change the momenta in the step: where vibrations are too quick for it,
+    the forces at its ends are others. A step of first order is an even motion.
     """
     slow = quick = 0.0
     for k in range(how.masses.size):
         for i in range(3):
-            slow += how.masses[k] * (nodes[0, row, k, i] - nodes[0, row - 1, k, i]) ** 2
+            slow += how.masses[k] * _mean_rate_by_way(how, nodes, row, k, i)
     for e in range(system.lengths.size):
         for i in range(3):
-            quick += system.lengths[e] * system.stiffness[e, i] * (
-                bends[0, row, e, i] - bends[0, row - 1, e, i]) ** 2
-    return (how.slow * slow + how.viscous * quick) / how.dt
+            quick += system.lengths[e] * system.stiffness[e, i] * _mean_rate_by_way(how, bends, row,
+                                                                                    e, i)
+    return max(how.slow * slow + how.viscous * quick, 0.0)
+
+
+@kernel
+def _mean_rate_by_way(how, course, row, k, i):
+    """Return the mean rate of a coordinate in the step to a row, times its way."""
+    way = course[0, row, k, i] - course[0, row - 1, k, i]
+    rate = (1 - how.gamma) * course[4, row - 1, k, i] + how.gamma * course[4, row, k, i]
+    return way * (way / how.dt if how.gamma == 1.0 else rate)
 
 
 @kernel
@@ -771,12 +788,14 @@ def consistent_rates(system: Problem, calm: SchemeCoefficients, how: SchemeCoeff
                      buffer: StepBuffer, going: bool, options: StepOptions) -> None:
     """Fill row PAST of a StepBuffer with how a DLO moves that grips and forces let go from there.
 
-    Rows PAST + 1 to PAST + 3 are of very short steps, the last one back in time, without damping
+    Rows PAST + 1 to PAST + 4 are of very short steps, the last one back in time, without damping
     (`calm`) and with it (`how`); `going`: whether velocities are made those that the grips allow.
+    What damping ends at once is none of these, nor of the accelerations: it would ring, and give
+    energy.
     """
-    now, ahead, again, back = PAST, PAST + 1, PAST + 2, PAST + 3
+    now, ahead, later, again, back = PAST, PAST + 1, PAST + 2, PAST + 3, PAST + 4
     check = options.tolerance < 0.0  # False; a literal would be compiled for by itself
-    courses = buffer.nodes, buffer.bends
+    courses, before = (buffer.nodes, buffer.bends), buffer.nodes[1, now].copy()
     for course in courses:
         for k in range(course.shape[2]):
             for i in range(3):
@@ -796,16 +815,38 @@ def consistent_rates(system: Problem, calm: SchemeCoefficients, how: SchemeCoeff
                 for i in range(3):
                     course[1, now, k, i] = (course[0, ahead, k, i]
                                             - course[0, back, k, i]) / (2 * how.dt)
-    implicit_step(system, how, buffer, ahead, now, _guess(how, buffer.bends, ahead, 1.0), options,
-                  check)
+    last = later if going and how.viscous > 0.0 else ahead
+    for row in range(ahead, last + 1):
+        implicit_step(system, how, buffer, row, row - 1, _guess(how, buffer.bends, row, 1.0),
+                      options, check)
     for course in courses:
         for k in range(course.shape[2]):
             for i in range(3):
-                course[2, now, k, i] = course[3, now, k, i] = course[2, ahead, k, i]
-    for i in range(3):  # the sleeve's end is where it is now
-        buffer.nodes[0, ahead, -1, i] = buffer.nodes[0, now, -1, i]
-    buffer.energies[now, POWER] = _power(buffer, ahead, now, options)
+                course[2, now, k, i] = course[3, now, k, i] = course[2, last, k, i]
+                if last == later:
+                    course[1, now, k, i] = course[1, ahead, k, i] - how.dt * course[2, last, k, i]
+                course[4, now, k, i] = course[1, now, k, i]
+    buffer.wrenches[now] = buffer.mean_wrenches[now, 0] = buffer.wrenches[last]
+    buffer.end_wrenches[now] = buffer.mean_wrenches[now, 1] = buffer.end_wrenches[last]
+    if going and not buffer.held.shape[1]:
+        buffer.energies[now, WORK] += _work_of_impulse(how, buffer, now, ahead, back, before)
     buffer.energies[now, KINETIC] = _kinetic(how, buffer.nodes, now)
+
+
+@kernel
+def _work_of_impulse(how, buffer, now, ahead, back, before):
+    """Return the work of the gripper that changes velocities from `before` (N + 1, 3), J."""
+    turn, work = rotation_vector(times_transposed(matrix(buffer.bases[ahead]),
+                                                  matrix(buffer.bases[back]))), 0.0
+    places, speeds = buffer.nodes[0, now], buffer.nodes[1, now]
+    for k in range(how.masses.size):
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            way = 0.5 * (speeds[0, i] + before[0, i]) + (
+                turn[j] * (places[k, m] - places[0, m]) - turn[m] * (places[k, j] - places[0, j])
+            ) / (2 * how.dt)
+            work += how.masses[k] * (speeds[k, i] - before[k, i]) * way
+    return work
 
 
 # ------------------------------------------------------------------------------------------------
@@ -858,8 +899,14 @@ def _without_force(how, course, row):
 
 
 @kernel
+def _mean(how, before, now, mean):
+    """Return the mean of a force or rate after a step, as it changes the momentum, from `mean`."""
+    return ((1 - how.alpha_f) * now + how.alpha_f * before - how.alpha_m * mean) / (1 - how.alpha_m)
+
+
+@kernel
 def _move_on(how, course, row):
-    """Fill velocity, acceleration and mean acceleration at the end of a step."""
+    """Fill velocity, acceleration and their means at the end of a step."""
     anchor, velocity = _without_force(how, course, row)
     for k in range(anchor.shape[0]):
         for i in range(3):
@@ -867,9 +914,10 @@ def _move_on(how, course, row):
             acceleration = how.stiffness * away
             course[1, row, k, i] = velocity[k, i] + how.velocity_gain * away
             course[2, row, k, i] = acceleration
-            course[3, row, k, i] = ((1 - how.alpha_f) * acceleration
-                                    + how.alpha_f * course[2, row - 1, k, i]
-                                    - how.alpha_m * course[3, row - 1, k, i]) / (1 - how.alpha_m)
+            for one, mean in ((1, 4), (2, 3)):
+                course[mean, row, k, i] = _mean(how, course[one, row - 1, k, i],
+                                                course[one, row, k, i],
+                                                course[mean, row - 1, k, i])
 
 
 INTEGRATORS = ('generalized_alpha', 'paper')

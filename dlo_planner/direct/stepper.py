@@ -27,7 +27,6 @@ from dlo_planner.direct.integrator import (
     ELASTIC,
     KINETIC,
     PAST,
-    POWER,
     PUSHED,
     RUBBED,
     STATIC,
@@ -66,6 +65,7 @@ _AT_FIRST = 0.1      # of a step: it may be halved yet
 _BRIEF = 1e-1, 1e-3  # of a step, of the DLO's own time: how long it is watched
 _BRIEFEST = 3e-5     # of that time: of what is watched for less rounding errors would count
 _AT_ONCE = 1e-13     # of the length: how exactly grips are kept in so short a time
+_WRENCHES = 'wrenches', 'end_wrenches', 'mean_wrenches'
 NO_GUESS = np.zeros((0, 3))  # read-only arrays are another type for kernels
 
 
@@ -77,6 +77,7 @@ class Row(NamedTuple):
     frames: Floats
     wrenches: Floats
     end_wrenches: Floats
+    mean_wrenches: Floats
     proofs: Floats
     iterations: Any
     evaluations: Any
@@ -97,7 +98,7 @@ class Row(NamedTuple):
         """Return a copy of row k: of many, few are kept."""
         points, contacts = (slice(*one[k:k + 2]) for one in buffer.starts)
         arrays: list[Any] = [buffer.nodes[:, k].copy(), buffer.bends[:, k].copy()]
-        arrays += [np.array(getattr(buffer, name)[k]) for name in cls._fields[2:15]]
+        arrays += [np.array(getattr(buffer, name)[k]) for name in cls._fields[2:16]]
         arrays += [buffer.point_of[points].copy(), buffer.points[points].copy(),
                    buffer.contact_of[contacts].copy(), buffer.contacts[contacts].copy()]
         row = cls(*arrays)
@@ -322,14 +323,15 @@ class Stepper:
         """
         mesh, strains = self.discretization, np.array(shape.element_strains)
         here = configuration_at(mesh.system(shape.gripper.rotation), strains)
-        nodes, bends = (np.zeros((4, *one.shape)) for one in (here.positions, here.strains))
+        nodes, bends = (np.zeros((5, *one.shape)) for one in (here.positions, here.strains))
         nodes[0], bends[0] = here.positions + shape.gripper.position, here.strains
         if velocity is not None:
             nodes[1] = velocity
-        energies = np.zeros(9)
+        energies = np.zeros(8)
         energies[[ELASTIC, STATIC]] = shape.elastic_energy, shape.energy
         left, count = shape.state.history or mesh.start, len(shape.contacts)
         row = Row(nodes, bends, shape.frames, shape.gripper_wrench, shape.far_wrench,
+                  np.zeros((2, 6)),
                   np.array([shape.residual, shape.stability, 0.0, shape.violation]),
                   shape.iterations, shape.evaluations, energies, shape.converged, 0, False,
                   left.hold, left.plastic, left.node_force, np.column_stack(left.points[:2]),
@@ -363,14 +365,17 @@ class Stepper:
         short = max(_BRIEF[0] * dt, _BRIEFEST * self.own_time)
         brief = Scheme('paper', min(short, _BRIEF[1] * self.own_time))
         ahead = brief.dt / self.dt
-        buffer = self._buffer(now.place + ahead * np.array([0.0, 1.0, 0.0, -1.0]), now.row)
+        buffer = self._buffer(now.place + ahead * np.array([0.0, 1.0, 2.0, 0.0, -1.0]), now.row)
         consistent_rates(self._problem(self.hangs_from(now)),
                          self.coefficients(brief, (0.0, 0.0)), self.coefficients(brief), buffer,
                          going, self._options(brief, Acceptance(), _AT_ONCE))
         energies = now.row.energies.copy()
-        energies[[KINETIC, POWER]] = buffer.energies[PAST, [KINETIC, POWER]]
+        energies[[KINETIC, WORK]] = buffer.energies[PAST, [KINETIC, WORK]]
+        if now.place == 0.0:  # no work is done yet
+            energies[WORK] = 0.0
         row = now.row._replace(nodes=buffer.nodes[:, PAST].copy(), energies=energies,
-                               bends=buffer.bends[:, PAST].copy(), impulsive=0)
+                               bends=buffer.bends[:, PAST].copy(), impulsive=0,
+                               **{name: getattr(buffer, name)[PAST].copy() for name in _WRENCHES})
         freeze(row)
         return replace(now, row=row, given=now.shape)
 
@@ -429,17 +434,21 @@ class Stepper:
         times[PAST:] = self.dt * places
         grips = self.grips.gripper.along(many)
         ends = self._ends(many, grips[1])
-        courses = [np.empty((4, rows, *one.shape[1:])) for one in (now.nodes, now.bends)]
+        courses = [np.empty((5, rows, *one.shape[1:])) for one in (now.nodes, now.bends)]
         for course, one in zip(courses, (now.nodes, now.bends), strict=True):
             course[:, PAST] = one
-        frames, energies = np.empty((rows, *now.frames.shape)), np.zeros((rows, 9))
+        frames, energies = np.empty((rows, *now.frames.shape)), np.zeros((rows, 8))
         frames[PAST], energies[PAST] = now.frames, now.energies
+        wrenches = []
+        for one in (getattr(now, name) for name in _WRENCHES):
+            wrenches.append(np.zeros((rows, *one.shape)))
+            wrenches[-1][PAST] = one
         impulsive = np.zeros(rows, dtype=np.int64)
         stirred = np.zeros(rows, dtype=bool)
         impulsive[PAST], stirred[PAST] = now.impulsive, now.stirred
         # zeros: steps without what may act leave nothing of it
         left = [np.zeros((rows, *shape)) for shape in (
-            (ends[3].shape[1],), mesh.start.plastic.shape, mesh.start.node_force.shape)]
+            (ends[2].shape[1],), mesh.start.plastic.shape, mesh.start.node_force.shape)]
         for kept, one in zip(left, (now.reactions, now.plastic, now.node_forces), strict=True):
             if one.shape == kept.shape[1:]:
                 kept[PAST] = one
@@ -454,28 +463,28 @@ class Stepper:
             values.append(np.empty((count + room, *value.shape[1:])))
             indices[-1][:count], values[-1][:count] = index[:count], value[:count]
         return StepBuffer(
-            times, *grips, *ends, *courses, frames, np.empty((rows, 6)), np.zeros((rows, 6)),
-            np.empty((rows, 4)), np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=np.int64),
-            energies, np.zeros(rows, dtype=bool), impulsive, stirred, *left, starts, indices[0],
-            values[0], indices[1], values[1], np.zeros(2, dtype=bool))
+            times, *grips, *ends, *courses, frames, *wrenches, np.empty((rows, 4)),
+            np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=np.int64), energies,
+            np.zeros(rows, dtype=bool), impulsive, stirred, *left, starts, indices[0], values[0],
+            indices[1], values[1], np.zeros(2, dtype=bool))
 
     def _ends(self, places: Floats, origins: Floats) -> tuple[Floats, ...]:
-        """Return targets, axes, twists, rows and reach of the far end's grip at places (n,)."""
+        """Return targets, axes, rows and reach of the far end's grip at places (n,)."""
         mesh, many, end = self.discretization, places.size, self._far_end
         if self.grips.far_end is None or end is None:
-            return (np.zeros((many, 3)), np.zeros((many, 3, 3)), np.zeros((many, 6)),
-                    np.zeros((many, 0, 6)), np.full(many, np.inf))
-        axes, targets, twists = self.grips.far_end.along(places)
+            return (np.zeros((many, 3)), np.zeros((many, 3, 3)), np.zeros((many, 0, 6)),
+                    np.full(many, np.inf))
+        axes, targets = self.grips.far_end.along(places)
         held = mesh.grip_rows(end.grip, axes)
         away = targets - origins
         if end.grip == 'sleeve':
             along = axes[:, :, 0]
             away = away - np.sum(away * along, axis=1)[:, None] * along
         spanned = np.linalg.norm(away, axis=1).tolist()
-        return targets, axes, twists, held, np.array([reach_of(mesh, one) for one in spanned])
+        return targets, axes, held, np.array([reach_of(mesh, one) for one in spanned])
 
 
 def _extrapolated(course: Floats, dt: float, share: float) -> Floats:
-    """Return where a course (4, ...) goes in dt (s), with a `share` of its acceleration."""
+    """Return where a course (5, ...) goes in dt (s), with a `share` of its acceleration."""
     result: Floats = course[0] + dt * (course[1] + share * 0.5 * dt * course[2])
     return result

@@ -244,7 +244,9 @@ AXIS = np.array([1.0, 2.0, -2.0]) / 3
 
 
 def twist_at(guide, place):
-    return guide.along(np.array([float(place)]))[2][0]
+    (back, ahead), (before, after) = guide.along(place + np.array([-1e-4, 1e-4]))
+    turn = Rotation.from_matrix(ahead @ back.T).as_rotvec()
+    return np.append(after - before, turn) / (2e-4 * guide.dt)
 
 
 def test_two_poses_are_one_constant_acceleration():
@@ -252,9 +254,9 @@ def test_two_poses_are_one_constant_acceleration():
     for place in (0.25, 0.5, 0.75):
         np.testing.assert_allclose(guide.at(place).position, place**2 * np.array([0.4, 0, -0.2]),
                                    atol=1e-15)
-    for place in (0.0, 0.5, 1.0):  # v = 2 x t / T^2
+    for place in (0.0, 0.5, 0.9):  # v = 2 x t / T^2
         np.testing.assert_allclose(twist_at(guide, place),
-                                   2 * place / 0.5 * np.array([0.4, 0, -0.2, 0, 0, 0]), atol=1e-14)
+                                   2 * place / 0.5 * np.array([0.4, 0, -0.2, 0, 0, 0]), atol=1e-10)
 
 
 @pytest.mark.parametrize('at_rest', [True, False])
@@ -270,10 +272,9 @@ def test_several_whole_turns_are_gone_through(at_rest):
         assert np.linalg.norm(away - np.eye(3)) < 1e-4
         rate = 2 * 4.5 * np.pi * place / 59**2 / 0.1
         np.testing.assert_allclose(twist_at(guide, place), [0, 0, 0, *rate * AXIS], atol=0.02)
-    rotations, _, twists = guide.along(np.array([3.5, 40.0, 41.25]))
-    for place, rotation, twist in zip((3.5, 40.0, 41.25), rotations, twists, strict=True):
+    rotations, _ = guide.along(np.array([3.5, 40.0, 41.25]))
+    for place, rotation in zip((3.5, 40.0, 41.25), rotations, strict=True):
         np.testing.assert_allclose(rotation, guide.at(place).rotation, atol=1e-12)
-        np.testing.assert_allclose(twist, twist_at(guide, place), atol=1e-12)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -445,8 +446,8 @@ def test_steps_are_exact_while_the_dlo_goes_on_bearing(friction):
         assert motion.converged and all(shape.contacts for shape in motion.shapes)
         return np.array([shape.positions for shape in motion.shapes[::round(1e-2 / dt)]])
 
-    # with implicit Euler's steps alone it is ten times as much
-    assert np.abs(places(1e-2) - places(6.25e-4)).max() < 6e-4
+    # with implicit Euler's steps alone it is 6e-3
+    assert np.abs(places(1e-2) - places(6.25e-4)).max() < 8e-4
 
 
 def test_a_dlo_that_has_bounced_moves_freely_again():
@@ -627,3 +628,23 @@ def test_many_steps_at_once_are_the_same_as_one_by_one(options, integrator, monk
         np.testing.assert_allclose(one.positions, other.positions, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(one.gripper.rotation, other.gripper.rotation)
         assert one.converged and one.iterations == other.iterations
+
+
+# ------------------------------------------------------------------------------------------------
+# Work and damping are those of the scheme, however abruptly a grip starts.
+
+
+@pytest.mark.parametrize('damping', [0.01, 0.2])
+@pytest.mark.parametrize('obstacles', [(), (Plane((0, 0, 0), (0, 0, 1)),)])
+def test_a_grip_that_starts_abruptly_makes_no_energy(obstacles, damping):
+    thing = Rod(1.0, 0.05, 0.02, 0.02, radius=0.006, damping=damping)
+    simulator = DirectSimulator(thing, n_elements=20, basis='local', obstacles=obstacles)
+    down = Rotation.from_euler('y', 0.4).as_quat()
+    for speed, dt, way in ((0.002, 0.0125, (1, 0, 0)), (0.002, 0.05, (0, 1, 0)),
+                           (0.2, 0.05, (0, 1, 0))):
+        places = np.array([0, 0, 0.12]) + speed * dt * np.outer(np.arange(10), way)
+        motion = simulator.simulate([Pose(place, down) for place in places], dt)
+        assert motion.converged, motion.message
+        moved = motion.kinetic_energy.max() + np.ptp(motion.potential_energy)
+        assert motion.numerical_loss.min() > -5e-3 * moved
+        assert motion.numerical_loss.max() < 0.03 * moved
