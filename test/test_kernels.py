@@ -57,7 +57,7 @@ from dlo_planner.minimize.response import (
     strain_answers,
     twists_inside,
 )
-from dlo_planner.minimize.semismooth import update_multipliers
+from dlo_planner.minimize.semismooth import semismooth_newton
 from dlo_planner.minimize.solve import follow_step, solve_free, solve_step
 from dlo_planner.penalties import PositionAt, Through
 from dlo_planner.plan import clearance, swept, workspace
@@ -67,7 +67,7 @@ _KINDS = 3
 KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_along,
            sweeps_through, evaluate, closest_point_in_element, nearest, signed_distance, return_map,
            update_active_set, update_friction, follow_homotopy, gradient_noise, touching,
-           kkt_residual, update_multipliers, gripper_answers, clearance.element_rooms,
+           kkt_residual, semismooth_newton, gripper_answers, clearance.element_rooms,
            swept._exceeded, workspace._distances, strain_answers, parameters._moved_points,
            residuals._points_at, nearest_place, follow_goals, solve_free, solve_contact,
            predictor_corrector, follow_step, discretization_errors, equidistribute, node_twists,

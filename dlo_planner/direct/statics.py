@@ -161,7 +161,22 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: S
     if shape is None:
         shape = equilibrium(mesh, gripper, strains, past, far_end, method=how.method,
                             culled=culled, watch=watch)
+        if (newton and initial is None and far_end is not None and mesh.obstructed
+                and not (culled or shape.converged)):
+            laid = _laid_from_above(mesh, gripper, past, far_end)
+            shape = laid if laid.converged else shape
     return shape if clear else replace(shape, converged=False, jumped=True)
+
+
+def _laid_from_above(mesh: Discretization, gripper: Pose, memory: Memory, far_end: FarEnd) -> Shape:
+    """Return the Shape that falls onto the obstacles from where its weight would lift it.
+
+    Where a DLO that hangs in its grips would be inside obstacles, the way out may be above them.
+    """
+    around = mesh.surroundings
+    lifted = mesh.within(replace(around, obstacles=(), gravity=-around.gravity))
+    arch = step(lifted, gripper, None, StepInputs(far_end=far_end))
+    return equilibrium(mesh, arch.gripper, arch.element_strains, memory, far_end)
 
 
 def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, strains: Floats,
@@ -172,7 +187,7 @@ def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, stra
     end = Solution(*follow_step(
         mesh.full, gripper.rotation, gripper.position, past.plastic, past.node_force, *past.points,
         past.positions, past.tangents, initial.gripper.rotation, initial.gripper.position,
-        strains, TOLERANCE, EXACT * float(mesh.s[-1]), MAX_ITERATIONS))
+        strains, TOLERANCE, EXACT * float(mesh.s[-1])))
     return shape_from(mesh, gripper, end, past, None, False) if end.residual < np.inf else None
 
 

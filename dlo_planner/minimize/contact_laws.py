@@ -123,20 +123,17 @@ def contact_laws(system, state, table, first, axes, normal, free, compliance):
 
 
 @kernel
-def contact_forces(law, exchanges, iterations):
+def contact_forces(law, iterations):
     """Return whether a change of the loads is found, the change (K,), and the active set (A,).
 
     A contact that pulls leaves the active set, one that is pressed in joins it (primal-dual active
-    set method: Hintermueller, Ito and Kunisch 2002). With no iterations all contacts are active,
-    and stick or slide as they do. `exchanges`: whether to refine the solution of the first attempt.
+    set method: Hintermueller, Ito and Kunisch 2002).
     """
     size, count = law.free.size, law.friction.size
-    rubs, change = size > count, np.zeros(size)
-    bears = law.bears.copy() if iterations > 0 else np.ones(count, dtype=np.bool_)
+    rubs, change, bears = size > count, np.zeros(size), law.bears.copy()
     known, taken = _semismooth(law, np.full(size, _SOFT / law.stiffness), _forces(law, change),
-                               _augmentation(law, rubs), iterations,
-                               _REFINED if exchanges else 0, change, bears)
-    if iterations == 0 or not rubs or known and taken > 0:
+                               _augmentation(law, rubs), iterations, _REFINED, change, bears)
+    if not rubs or known and taken > 0:
         return known, change, bears
     unique, compliance, _ = _own_response(law)
     own = np.diag(compliance)

@@ -14,7 +14,9 @@ Both become small as the flow comes to rest, and then this is nearly Newton's me
 Keyes, SIAM J. Numer. Anal. 35, 1998). A step is good if the gradient after it is about what it
 should be; shift and softness are chosen by that, no potential is asked: friction has none.
 
-Nodes near obstacles are candidates for contact, so that a step meets an obstacle as its laws say.
+Nodes near obstacles are candidates for contact, so that a step meets an obstacle as its laws say:
+those that are about as near as a step may bring a node deeper; more where one has come deeper. A
+step that would turn a node too far, as where a grip is far from its place, is made in part.
 """
 
 import numpy as np
@@ -35,7 +37,7 @@ from dlo_planner.minimize.contact_table import (
     with_stiffness,
 )
 from dlo_planner.minimize.hessian import assemble, is_definite, largest_turn, new_hessian
-from dlo_planner.minimize.kkt import dot
+from dlo_planner.minimize.kkt import add_to, dot
 from dlo_planner.minimize.semismooth import (
     complementarity_step,
     crosses_a_sheet,
@@ -63,11 +65,13 @@ _AIM, _BAD = 0.3, 1.0  # wrong part of the gradient after a step: as it should b
 
 
 @kernel
-def relax(system, q, previous, follows, rough, most):
+def relax(system, q, previous, follows, rough, most, flow):
     """Return Problem with its contact forces, unknowns, steps, where the flow comes to rest.
 
     And the places (N + 1, 6) from which friction counts then, if it does. At rest the residual is
     below `rough`, and no gap below -rough times the length; the flow also ends after `most` steps.
+    `flow` (2,) are shift and softness, here and where it ends.
+    `flow` (2,) are shift and softness, here and where it ends.
     Friction counts from where the DLO was before, or, if it `follows`, from each step of the flow:
     that is the answer of another way of loading, in which points slip, stick and slip again.
     """
@@ -81,7 +85,7 @@ def relax(system, q, previous, follows, rough, most):
                          _LEAST_SHIFT * (1.0 + loads / rigidity))
     thin = _thickness(system.effects.contact.scene, system.lengths)
     softest = min(_SOFTEST, thin / length)
-    weak, near = 1.0 / (softest * compliance), _NEAR * length
+    weak, near, farthest = 1.0 / (softest * compliance), thin, _NEAR * length
     always = rough > 0.0  # literals would be compiled for by themselves
     state, step, hessian = new_configuration(system), np.empty_like(q), new_hessian(system)
     trial, right, wrong = new_configuration(system), np.empty_like(q), np.empty_like(q)
@@ -92,9 +96,9 @@ def relax(system, q, previous, follows, rough, most):
     state, residual, table, _ = kkt_residual(loaded, state.q)
     loaded, state, residual, table, previous = _watched(loaded, state, table, previous, follows,
                                                         near, follows)
-    shift, softness, steps, stands = 0.0, softest, 0, False
+    shift, softness, steps, stands = flow[0], min(flow[1], softest), 0, False
     while steps < most and shift < _MOST_SHIFT * least:
-        if stands and residual < rough and _deepest(table) < rough * length:
+        if stands and residual < rough and deepest(table) < rough * length:
             break
         steps += 1
         used = shift
@@ -104,37 +108,50 @@ def relax(system, q, previous, follows, rough, most):
         if good:
             good = complementarity_step(loaded, state, table, hessian, 1, softness * compliance,
                                         _FARTHEST, normal, shear, step, right, reaction)
-        turn = largest_turn(loaded, hessian, step) if good else np.inf
-        if turn < _TURN:
-            put_sum(state.q, 1.0, step, trial.q)
+        part = 0.0
+        if good:  # a grip that is far away is reached in parts
+            part = min(1.0, _TURN / max(_TURN, largest_turn(loaded, hessian, step)))
+        if part > 0.0:
+            first, across = forces(table, state)
+            normal, shear = first + part * (normal - first), across + part * (shear - across)
+            put_sum(state.q, part, step, trial.q)
             place(system, trial)
             if (crosses_a_sheet(loaded, state)
                     or not forbids(system.effects, system, state, trial)):
                 after = with_stiffness(loaded, weak, weak)
                 put_forces(after, table, normal, shear)
-                move_multipliers(hold, 1.0, reaction)
+                move_multipliers(hold, part, reaction)
                 after = loaded_by_contacts(after, trial, previous, near, always, always)
                 there, _, its_table, _ = kkt_residual(after, trial.q)
-                put_sum(there.gradient, shift, step, wrong)
+                put_sum(there.gradient, part * shift, step, wrong)
+                add_to(wrong, part - 1.0, state.gradient)
                 left, error = dot(wrong, wrong), 0.0
                 whole = max(dot(right, right), shift * shift * dot(step, step))
                 if left > 0.0:  # else it rests already, as a DLO upright on its tip may
                     error = np.sqrt(left / whole) if whole > 0.0 else np.inf
                 after, there, its_residual, its_table, later = _watched(
                     after, there, its_table, previous, follows, near, steps > _CHOICES)
-                error = max(error, (_deepest(its_table) - _deepest(table))
-                            / max(thin, _deepest(table)))
+                deeper = (deepest(its_table) - deepest(table)) / max(thin, deepest(table))
+                if error < _BAD <= deeper and near < farthest:  # something was not seen coming
+                    near = min(_LARGER * near, farthest)
+                    move_multipliers(hold, -part, reaction)
+                    loaded, state, residual, table, previous = _watched(
+                        loaded, state, table, previous, follows, near, always)
+                    continue
+                error = max(error, deeper)
                 if not error < _BAD:
                     error = np.inf  # it may be no number
-                    move_multipliers(hold, -1.0, reaction)
+                    move_multipliers(hold, -part, reaction)
         factor = error / _AIM
-        factor = min(max(factor * max(1.0, factor), _SMALLER), _LARGER)
+        factor = min(factor * factor, _LARGER) if factor > 1.0 else max(np.sqrt(factor), _SMALLER)
         shift = max(shift, least) * factor if factor > 1.0 else shift * factor
         shift = shift if shift >= least else 0.0
         if error < _BAD:
-            stands = used == 0.0
+            stands, near = used == 0.0 and part == 1.0, max(thin, 0.5 * near)
             loaded, state, residual, table, previous = after, there, its_residual, its_table, later
-        softness = min(max(softness, _STIFFEST) * factor, softest)
+        if factor < 1.0 or error >= _BAD:  # contacts that yield more again would go to and fro
+            softness = min(max(softness, _STIFFEST) * factor, softest)
+    flow[0], flow[1] = shift, softness
     normal, shear = forces_without_candidates(loaded, table, state)
     put_forces(loaded, table, normal, shear)
     loaded = with_stiffness(loaded, given.stiffness, given.grip)
@@ -199,9 +216,9 @@ def _thickness(scene, lengths):
 
 
 @kernel
-def _deepest(table):
+def deepest(table):
     """Return how deep, in m, a contact is inside its obstacle."""
-    deepest = 0.0
+    depth = 0.0
     for a in range(table.gap.size):
-        deepest = max(deepest, -table.gap[a])
-    return deepest
+        depth = max(depth, -table.gap[a])
+    return depth

@@ -4,7 +4,6 @@
 
 The compliance of the DLO at its contacts comes from solves with Newton's Hessian. With it all
 contact forces follow to first order (`minimize.contact_laws`), and the reaction of a held far end.
-Where that cannot be trusted each multiplier becomes the force that it has (augmented Lagrangian).
 
 In `semismooth_newton` the springs of contacts push with the multipliers alone, whatever the gaps
 and slips are: a gap of the start is closed by a change of the forces, not fought by the springs.
@@ -20,7 +19,6 @@ from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.contact import trial_traction
 from dlo_planner.energy.gap import closest_point, near_gaps, radius_at_node
 from dlo_planner.energy.grip import constraint_value, move_multipliers
-from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.potential import at_elements, evaluate, project, unknowns_of
 from dlo_planner.energy.problem import bending_energy, new_configuration, with_gripper
 from dlo_planner.energy.scene import SHEET, translated
@@ -58,10 +56,8 @@ from dlo_planner.minimize.hessian import (
     solve_held,
 )
 from dlo_planner.minimize.kkt import add_all, dots, put_scaled
-from dlo_planner.minimize.newton import HELD_NEUTRAL, is_held
+from dlo_planner.minimize.newton import HELD_NEUTRAL
 
-_TOILS = 2        # rounds in vain, after which the unknowns move with the forces
-_FARTHEST_TURN = 0.3  # rad: the same, of what a node turns by
 _TINY = 1e-4      # of a negligible force: of candidates that are far away
 _CHANGES, _MORE_CHANGES = 8, 20       # times that contacts are let go or taken back
 _FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
@@ -74,36 +70,6 @@ _LONG = 6            # steps after which contacts that still change may go round
 _PATIENCE = 8        # steps in vain with friction: a change of its direction raises the error first
 _CROSSES = 0.9    # of the distance from the middle of a sheet at which a DLO touches it
 _AROUND = 4.0       # times the largest gap of what bears: nodes beside it may bear as well
-
-
-@kernel
-def update_multipliers(system, state, table, share, q, vain):
-    """Move the multipliers of `system`, in place, to what the laws ask for.
-
-    After some rounds in vain q (m, 3) goes with them: what is soft, like the plane in which a
-    column buckles, would go anywhere on its way to where the new multipliers belong.
-    """
-    normal, shear = forces(table, state)
-    used = share > 0.0 and table.gap.size > 0
-    if used:
-        target, across, hessian = normal.copy(), shear.copy(), new_hessian(system)
-        step = np.empty_like(q)
-        used = linearize(system, state, hessian, vain > _TOILS) and complementarity_step(
-            system, state, table, hessian, 0 if is_held(system) else _CHANGES, 0.0, _FARTHEST,
-            target, across, step, np.empty_like(q), no_reaction(system))
-        if used:
-            there = new_configuration(system)
-            put_sum(q, share, step, there.q)
-            evaluate(system, there)
-            if (vain > _TOILS and largest_turn(system, hessian, step) < _FARTHEST_TURN
-                    and not forbids(system.effects, system, state, there)):
-                q[:] = there.q
-            for a in range(table.gap.size):
-                normal[a] += share * (target[a] - normal[a])
-                for i in range(3):
-                    shear[a, i] += share * (across[a, i] - shear[a, i])
-    put_forces(system, table, normal, shear)
-    return used
 
 
 @kernel
@@ -206,9 +172,7 @@ def complementarity_step(system, state, table, hessian, exchanges, softness, far
     if softness > 0.0:
         known, change, bears = yielding_forces(law, softness)
     else:
-        known, change, bears = contact_forces(
-            law, exchanges > 0,
-            exchanges if exchanges > 0 or not has_inertia(system.effects.anchor) else _CHANGES)
+        known, change, bears = contact_forces(law, exchanges)
     if not known:
         return False
     moved = free.copy()
@@ -428,9 +392,8 @@ def correction(system, strains, positions):
     step, hessian = np.zeros_like(state.q), new_hessian(system)
     if table.gap.size == 0 or not linearize(loaded, state, hessian, table.gap.size == 0):
         return np.inf
-    most = 0 if is_held(system) else _CHANGES
-    if not complementarity_step(loaded, state, table, hessian, most, 0.0, _FARTHEST, normal, shear,
-                                step, step.copy(), no_reaction(system)):
+    if not complementarity_step(loaded, state, table, hessian, _CHANGES, 0.0, _FARTHEST, normal,
+                                shear, step, step.copy(), no_reaction(system)):
         return np.inf
     if not np.min(normal) > 0.0:
         return np.inf
@@ -513,7 +476,7 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
             push = contacts.multiplier[c]
             if everywhere and _crosses(scene, contacts.obstacle[c], contacts.element[c], gap):
                 push = 0.0
-            elif not push > 0.0 and (afar or everywhere) and gap < near:
+            elif not push > 0.0 and gap < near:
                 push = _TINY * NEGLIGIBLE * k * abs(gap)
             contacts.multiplier[c] = _pushing(push, k * gap)
     for o in range(scene.kind.size):

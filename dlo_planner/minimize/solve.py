@@ -158,7 +158,7 @@ def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, 
                    element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats,
                    anchor: Floats, normal: Floats, shear: Floats, slid: Floats, places: Floats,
                    tangents: Floats, turned_from: Floats, moved_from: Floats, strains: Floats,
-                   tolerance: float, exact: float, steps: int) -> Any:
+                   tolerance: float, exact: float) -> Any:
     """Return what `solve_step` does, of a DLO that goes on bearing where it does as it is moved.
 
     What a Memory has left stands as in `placed`; `turned_from`, `moved_from` (3, 3), (3,) are the
@@ -170,7 +170,7 @@ def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, 
                    multiplier, fraction, anchor, normal, shear)
     goes_on, state, residual, stability, iterations, kicks, loaded, violation = predictor_corrector(
         there, turned_from.copy(), slid.copy(), strains.copy(), origin - moved_from,
-        COARSER * tolerance, exact, steps, _seen_from(origin, places, tangents))
+        COARSER * tolerance, exact, _seen_from(origin, places, tangents))
     if not goes_on:
         residual, loaded, state = np.inf, there, new_configuration(there)
         evaluate(there, state)

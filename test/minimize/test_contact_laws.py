@@ -34,7 +34,7 @@ def laws(compliance, gap, friction, force=None, stiffness=1e3, spring=0.0, free=
 
 def solved(law, turns=8):
     """Return forces and gaps, or slips, after the change of the loads that is found."""
-    known, change, _ = contact_forces(law, True, turns)
+    known, change, _ = contact_forces(law, turns)
     assert known
     moved = law.free + law.compliance @ change
     forces = np.concatenate([force_after(law, a, change, moved)

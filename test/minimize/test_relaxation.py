@@ -5,7 +5,17 @@
 import numpy as np
 import pytest
 
-from dlo_planner import DirectSimulator, Plane, Pose, Rod, Sphere
+from dlo_planner import (
+    Capsule,
+    CutOut,
+    DirectSimulator,
+    FarEnd,
+    Plane,
+    Pose,
+    Rod,
+    Sheet,
+    Sphere,
+)
 
 G = 9.81
 CABLE = Rod(1.0, 0.045, (1e-2, 1e-2), 8e-3, radius=3e-3)
@@ -57,3 +67,58 @@ def test_a_straight_cable_upright_on_its_tip_is_no_stable_shape(height, friction
     shape = table.solve(Pose.looking_along((0, 0, height), (0, 0, -1)))
     assert not shape.converged or shape.stability > -1e-3
     assert np.isfinite(shape.positions).all()
+
+
+def test_limp_contacts_are_found_exactly():
+    """Stiff springs would multiply rounding errors: residuals of 1e-6, forces of 1e-4."""
+    length = 0.52653
+    rod = Rod(length, 0.05, lambda s: 1.3e-4 + 3.9e-4 * s / length,
+              lambda s: 1e-4 + 3e-4 * s / length, radius=1.1e-3)
+    table = DirectSimulator(rod, basis='local', n_elements=64,
+                            obstacles=[Plane((0, 0, 0), (0, 0, 1), 1.5)])
+    shape = None
+    for height in 0.2595 - 0.005265 * np.arange(6):
+        shape = table.solve(Pose((0, 0, height), (0, 0, 0, 1)), shape)
+        assert shape.converged and shape.residual < 1e-7, shape.status
+        check_laws(rod, shape, 1.5)
+
+
+def test_a_gripper_comes_a_long_way_nearer_to_a_held_end():
+    """What is between the grips turns more than a step may, so that it is made in parts."""
+    rod = Rod(1.375, 0.05, (5.74e-3, 5.74e-3), 4.42e-3, radius=2.5e-3)
+    bar = Capsule((0.443, -1.4, 0), (0.443, 1.4, 0), 0.102, friction=0.1)
+    direct, shape = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[bar]), None
+    for x, z in ((0, 0.7), (0, 0.5), (0, 0.3), (0, 0.1), (0.11, 0.1)):
+        end = FarEnd(Pose((0.8866, 0, z), (0, 0, 0, 1)), 'pinned')
+        shape = direct.solve(Pose((x, 0, z), (0, 0, 0, 1)), shape, far_end=end)
+        assert shape.converged, shape.status
+    assert shape.contacts and shape.violation < 1e-9
+    np.testing.assert_allclose(shape.positions[-1], (0.8866, 0, 0.1), atol=1e-9)
+
+
+def test_where_a_point_bears_does_not_depend_on_the_way_there():
+    """Both nodes and the middle of an element may carry what one point does that rolls."""
+    rod = Rod(1.0, 0.05, (0.2937, 0.2643), 0.0881, radius=1e-3, natural_curvature=(0.2279, -0.4946))
+    bar = Capsule((0.4602, -0.5526, -2.021), (0.4602, 0.4474, -2.021), 1.954)
+    direct = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[bar])
+    here = Pose((0, 0, 0), (0, 0, 0, 1))
+    near = [Pose((0, 0, height), (0, 0, 0, 1)) for height in (0.02, 0.01, 0.005)]
+    from_afar, carried = direct.solve(here), direct.track([*near, here])[-1]
+    assert len(from_afar.contacts) == len(carried.contacts) == 1
+    np.testing.assert_allclose(from_afar.positions, carried.positions, atol=1e-9)
+
+
+@pytest.mark.parametrize(('bend', 'twist', 'natural'), [
+    ((0.25557666, 0.25557666), 0.49129959, (0.81283134, -0.53953288)),
+    ((0.15671587, 0.12057076), 0.11655946, (-0.45440502, -0.22023870))])
+def test_what_begins_in_a_sheet_beside_its_hole_comes_out(bend, twist, natural):
+    rod = Rod(1.0, 0.05, bend, twist, radius=0.01, natural_curvature=natural)
+    hole = CutOut(Pose((0.5, 0, -0.15), (0, 0, 0, 1)), radius=0.03)
+    direct = DirectSimulator(rod, basis='local', n_elements=32,
+                             obstacles=[Sheet.around(hole, 0.3, 0.3)])
+    shape = direct.solve(Pose((0, 0, -0.15), (0, 0, 0, 1)))
+    assert shape.converged and shape.violation < 1e-9, shape.status
+    fine = shape.positions_at(np.linspace(0, 1, 1001)) - hole.pose.position
+    within = np.abs(fine[:, 1:]).max(axis=1) < 0.15
+    beside = np.hypot(fine[:, 1], fine[:, 2]) > hole.radius - rod.radius
+    assert np.abs(fine[within & beside, 0]).min(initial=1.0) > rod.radius - 1e-5
