@@ -547,7 +547,21 @@ def _next(near: _Trial, far: _Trial | None, before: _Trial) -> float:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class HoldContact(Task):
-    """Hold one contact; `InverseSimulator.hold_contact` says what the attributes mean."""
+    """Hold one contact; `InverseSimulator.hold_contact` says what the attributes mean.
+
+    Attributes
+    ----------
+    contact : Pose
+        Pose on the surface of an obstacle: x axis along the DLO, z axis outwards.
+    s : float
+        Arc length of the contact, m.
+    condition : str or None
+        'least_energy', 'least_force', 'least_motion', 'largest_clearance'. If None, all.
+    forces : ndarray, shape (n,) or None
+        Forces in N: only these are examined. If None, all.
+    min_force : float or None
+        Least force of the contact, N. If None, a tenth of weight + EI / L^2.
+    """
 
     touches: ClassVar[bool] = True
 
@@ -615,7 +629,23 @@ def check_obstacles(context: PlanContext) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SlideContact(Task):
-    """Slide along one contact, see `InverseSimulator.slide_contact` for the attributes."""
+    """Slide along one contact; `InverseSimulator.slide_contact` says what the attributes mean.
+
+    Attributes
+    ----------
+    contact : Pose
+        Pose on the surface of an obstacle: x axis along the DLO, z axis outwards.
+    lengths : ndarray, shape (n,)
+        Arc lengths between gripper and contact, m, one after the other.
+    condition : str
+        'least_energy', 'least_force', 'least_motion', 'largest_clearance'.
+    forces : ndarray, shape (n,) or None
+        Forces in N: only these are examined. If None, all.
+    mode : str
+        'aligned' or 'straight'.
+    min_force : float or None
+        Least force of the contact, N. If None, a tenth of weight + EI / L^2.
+    """
 
     touches: ClassVar[bool] = True
 

@@ -211,7 +211,17 @@ _INSERTED = 0.99  # of the length, at most
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Insert(Task):
-    """Insert into a bore; `InverseSimulator.insert` says what the attributes mean."""
+    """Insert into a bore of about the DLO's diameter; see `InverseSimulator.insert`.
+
+    Attributes
+    ----------
+    bore : CutOut
+        Its center is that of the mouth, its normal points inwards; its radius is that of the bore.
+    depths : ndarray, shape (n,) or None
+        Arc lengths that are inside, m. If None, chosen by the solver.
+    friction : float or None
+        Coulomb's coefficient in the bore. If None, not known: `Plan.insertion_force` is nan.
+    """
 
     bore: CutOut
     depths: Floats | None = None

@@ -277,7 +277,20 @@ def deepest(planned: Callable[[Floats], Plan], depths: Floats) -> Plan:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Thread(Task):
-    """Thread through one cut-out; `InverseSimulator.thread` says what the attributes mean."""
+    """Thread through one cut-out; `InverseSimulator.thread` says what the attributes mean.
+
+    Attributes
+    ----------
+    cutout : CutOut
+    depths : ndarray, shape (n,) or None
+        Arc lengths that have gone through, m. If None, chosen by the solver.
+    method : str
+        'coupled' or 'nested'.
+    gripper_clearance : float or None
+        Distance in m that the gripper keeps from the sheet. If None, any.
+    as_deep_as_possible : bool
+        Whether the plan may end before the last depth.
+    """
 
     takes_initial: ClassVar[bool] = True
 

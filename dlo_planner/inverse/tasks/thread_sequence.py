@@ -209,7 +209,17 @@ def _thread(simulator: DirectSimulator, task: Threading, weights: Floats) -> Pla
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ThreadSequence(Task):
-    """Thread near centers; `InverseSimulator.thread_sequence` tells the attributes."""
+    """Thread near the centers of cut-outs; see `InverseSimulator.thread_sequence`.
+
+    Attributes
+    ----------
+    cutouts : tuple of CutOut
+        The cut-outs, in the order in which they are passed.
+    weights : ndarray, shape (k,) or None
+        Weights of their distances. If None, all alike.
+    depths : ndarray, shape (n,) or None
+        Arc lengths that have gone through the first one, m, or None.
+    """
 
     cutouts: tuple[CutOut, ...]
     weights: Floats | None = None

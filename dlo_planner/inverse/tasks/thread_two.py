@@ -348,7 +348,17 @@ def _route_back(simulator: DirectSimulator, shapes: HangingShapes, change: Cross
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ThreadTwo(Task):
-    """Thread through two cut-outs; see `InverseSimulator.thread_two` for the attributes."""
+    """Thread through two cut-outs, whose centers count; see `InverseSimulator.thread_two`.
+
+    Attributes
+    ----------
+    first : CutOut
+        The one that is passed first.
+    second : CutOut
+        The one that is passed after it.
+    depths : ndarray, shape (n,) or None
+        Arc lengths that have gone through the first one, m, or None.
+    """
 
     first: CutOut
     second: CutOut
