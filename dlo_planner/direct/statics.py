@@ -162,7 +162,7 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: S
         shape = equilibrium(mesh, gripper, strains, past, far_end, method=how.method,
                             culled=culled, watch=watch)
         if (newton and initial is None and far_end is not None and mesh.obstructed
-                and not (culled or shape.converged)):
+                and mesh.surroundings.gravity.any() and not (culled or shape.converged)):
             laid = _laid_from_above(mesh, gripper, past, far_end)
             shape = laid if laid.converged else shape
     return shape if clear else replace(shape, converged=False, jumped=True)

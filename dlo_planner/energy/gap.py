@@ -12,6 +12,7 @@ from dlo_planner.energy.scene import (
     FACE,
     NODE_FACE,
     PLANE,
+    SHEET,
     Scene,
     height,
     signed_distance,
@@ -377,7 +378,8 @@ def closest_point_in_element(scene, o, e, lengths, strains, rotations, positions
         if abs(step) < _LEAST or 0.5 * last <= abs(step) < _END:
             break  # rounding errors alone are left; to halve the bracket would lead away from here
         target = fraction + step
-        if iteration == 0 and curve > 0.0 and not 0.0 < target < 1.0:
+        if (iteration == 0 and curve > 0.0 and not 0.0 < target < 1.0
+                and scene.kind[o] != SHEET):  # its gap may fall and rise again before the end
             target = 0.0 if target <= 0.0 else 1.0  # look at the end itself
         elif not (low < target < high and abs(step) < 0.5 * last):
             # (where the curvature jumps, as at an obstacle's edge, Newton's steps go to and fro)

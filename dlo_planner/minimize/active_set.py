@@ -26,11 +26,12 @@ from dlo_planner.energy.gap import (
     next_touching,
     node_gap,
     node_range,
+    radius_at,
     sliding,
     slope_along,
     taper,
 )
-from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE
+from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, SHEET
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import with_contacts_of, with_springs
@@ -230,9 +231,10 @@ def contact_candidates(system, state, places):
                     or e + 1 < n and hugs[e + 1] and _presses(system, o, e + 1, gaps)):
                 continue
             grows = taper(scene, o, e) / system.lengths[e]
-            if (_slope(state.rotations[e], state.strains[e], offsets[e], normals[e]) >= grows
-                    or _slope(state.rotations[e + 1], state.strains[e], offsets[e + 1],
-                              normals[e + 1]) <= grows):
+            if ((_slope(state.rotations[e], state.strains[e], offsets[e], normals[e]) >= grows
+                 or _slope(state.rotations[e + 1], state.strains[e], offsets[e + 1],
+                           normals[e + 1]) <= grows)
+                    and not _narrows(system, state, o, e, near - sag)):
                 continue
             gap, fraction = closest_point_in_element(scene, o, e, system.lengths, state.strains,
                                                      state.rotations, state.positions, normal,
@@ -250,6 +252,23 @@ def contact_candidates(system, state, places):
                 points[count, 0], points[count, 1] = e, o
                 count += 1
     return points[:count], fixed[:count]
+
+
+@kernel
+def _narrows(system, state, o, e, near):
+    """Whether the middle of element e is nearer to a sheet than `near`, m.
+
+    In a cut-out that is narrower than the element the gap falls and rises more than once.
+    """
+    scene = system.effects.contact.scene
+    if scene.kind[o] != SHEET:
+        return False
+    rotation, x, offset, point = np.empty((3, 3)), np.empty(3), np.zeros(2), np.empty(3)
+    normal, hessian = np.empty(3), np.empty((3, 3))
+    point_inside(system.lengths, state.strains, state.rotations, state.positions, e, _MIDDLE,
+                 rotation, x)
+    return gap_at(scene, o, rotation, x, radius_at(scene, o, e, _MIDDLE), offset, point, normal,
+                  hessian) < near
 
 
 @kernel

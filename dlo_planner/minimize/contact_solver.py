@@ -67,7 +67,8 @@ _ON_A_WAY = 1e-7  # of the length: who allows a violation as large wants no equi
 _DEEP, _STUCK, _PRESSING, _PRESSED = 1e-3, 1e-4, 80, 200
 # How nearly a DLO is brought to rest, in how many steps, and from when on it slides there; then
 # forces are sought at once, with so many exchanges of points, which are kept after the first few.
-_ROUGH, _MOST, _SLIDES, _EXCHANGES, _CHOICES = (1e-3, 1e-3, 1e-6, 1e-6), (12, 48, 100, 400), 3, 8, 3
+_ROUGH, _MOST = (1e-3, 1e-3, 1e-6, 1e-9, 1e-9), (12, 48, 100, 100, 400)
+_SLIDES, _EXCHANGES, _CHOICES = 4, 8, 3
 _MOST_KICKS = 10
 
 
@@ -126,7 +127,8 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
     Return the Configuration, residual, stability, Newton steps, how often a saddle was left, the
     Problem with its contacts' forces, and the violation, m.
     """
-    there, begin, hold, length = system, q, system.effects.hold, np.sum(system.lengths)
+    there, begin, hold, past = system, q, system.effects.hold, previous
+    length = np.sum(system.lengths)
     first = reaction_of(hold, row_count(system.needs.border))
     steps = kicks = attempt = 0
     beside, seeks = np.empty_like(q), bears(system.effects.contact.contacts)
@@ -145,12 +147,16 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
                 there, begin, attempt == 0, tolerance, exact, check, previous)
             steps += moves
             if rests and attempt > 0:  # points that are kept in the middle of elements roll
+                found = reaction_of(hold, row_count(system.needs.border))
                 rolled, its, left, stands, moves, there, inside = _at_once(
                     loaded, state.q, rests, tolerance, exact, check, previous)
                 steps += moves
                 if rolled:
                     state, residual, stability, loaded, violation = its, left, stands, there, inside
-            if rests:
+                else:
+                    set_reaction(hold, found)
+            if rests:  # friction that counts from steps of the flow is not that of a step from rest
+                kicks += attempt > _SLIDES
                 return state, residual, stability, steps, kicks, loaded, violation
             falls = stability <= -HELD_NEUTRAL and kicks < _MOST_KICKS
             if falls:
@@ -158,6 +164,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
                 falls = leave_saddle(loaded, state, mode, beside)
             if falls:
                 kicks, attempt, there, begin = kicks + 1, 0, loaded, beside.copy()
+                previous, flow = past, np.array([0.0, 1.0])
             else:
                 set_reaction(hold, reaction)
         if steps >= max_iterations or attempt >= len(_ROUGH):
@@ -167,8 +174,9 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
             max_iterations - steps)
         steps += moves
         rough = exact / length if on_a_way else _ROUGH[attempt]
+        most = max(0, min(_MOST[attempt], max_iterations - steps))
         there, begin, moves, previous = relax(there, begin, previous, attempt == _SLIDES, rough,
-                                              min(_MOST[attempt], max_iterations - steps), flow)
+                                              most, flow)
         steps, attempt, seeks = steps + moves, attempt + 1, True
         if on_a_way:
             break

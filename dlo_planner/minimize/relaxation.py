@@ -16,7 +16,8 @@ should be; shift and softness are chosen by that, no potential is asked: frictio
 
 Nodes near obstacles are candidates for contact, so that a step meets an obstacle as its laws say:
 those that are about as near as a step may bring a node deeper; more where one has come deeper. A
-step that would turn a node too far, as where a grip is far from its place, is made in part.
+grip that is far from its place comes nearer by 1 / (1 + shift) in a step, and a step that would
+turn a node too far is made in part.
 """
 
 import numpy as np
@@ -52,7 +53,7 @@ from dlo_planner.minimize.semismooth import (
 
 _TURN = 0.3       # rad: no step turns a node by more
 _FARTHEST = 0.1   # of the length: no step moves a contact by more
-_NEAR = 0.02      # of the length: nodes with smaller gaps are candidates
+_NEAR = 0.02      # of the length: nodes with larger gaps are no candidates
 # lengths by which contacts yield under the DLO's own forces, at most and at least
 _SOFTEST, _STIFFEST = 0.01, 1e-12
 _LEAST_SHIFT = 1e-3  # where shifts begin, relative to elasticity and loads
@@ -70,7 +71,6 @@ def relax(system, q, previous, follows, rough, most, flow):
 
     And the places (N + 1, 6) from which friction counts then, if it does. At rest the residual is
     below `rough`, and no gap below -rough times the length; the flow also ends after `most` steps.
-    `flow` (2,) are shift and softness, here and where it ends.
     `flow` (2,) are shift and softness, here and where it ends.
     Friction counts from where the DLO was before, or, if it `follows`, from each step of the flow:
     that is the answer of another way of loading, in which points slip, stick and slip again.
@@ -107,10 +107,11 @@ def relax(system, q, previous, follows, rough, most, flow):
         good, error = is_definite(loaded, hessian, shift), np.inf
         if good:
             good = complementarity_step(loaded, state, table, hessian, 1, softness * compliance,
-                                        _FARTHEST, normal, shear, step, right, reaction)
-        part = 0.0
-        if good:  # a grip that is far away is reached in parts
-            part = min(1.0, _TURN / max(_TURN, largest_turn(loaded, hessian, step)))
+                                        1.0 / (1.0 + shift), _FARTHEST, normal, shear, step, right,
+                                        reaction)
+        turn, part = largest_turn(loaded, hessian, step) if good else np.inf, 0.0
+        if turn < np.inf:
+            part = min(1.0, _TURN / max(_TURN, turn))
         if part > 0.0:
             first, across = forces(table, state)
             normal, shear = first + part * (normal - first), across + part * (shear - across)
@@ -126,7 +127,7 @@ def relax(system, q, previous, follows, rough, most, flow):
                 put_sum(there.gradient, part * shift, step, wrong)
                 add_to(wrong, part - 1.0, state.gradient)
                 left, error = dot(wrong, wrong), 0.0
-                whole = max(dot(right, right), shift * shift * dot(step, step))
+                whole = part * part * max(dot(right, right), shift * shift * dot(step, step))
                 if left > 0.0:  # else it rests already, as a DLO upright on its tip may
                     error = np.sqrt(left / whole) if whole > 0.0 else np.inf
                 after, there, its_residual, its_table, later = _watched(
@@ -151,7 +152,7 @@ def relax(system, q, previous, follows, rough, most, flow):
             loaded, state, residual, table, previous = after, there, its_residual, its_table, later
         if factor < 1.0 or error >= _BAD:  # contacts that yield more again would go to and fro
             softness = min(max(softness, _STIFFEST) * factor, softest)
-    flow[0], flow[1] = shift, softness
+    flow[0], flow[1] = shift if shift < _MOST_SHIFT * least else 0.0, softness
     normal, shear = forces_without_candidates(loaded, table, state)
     put_forces(loaded, table, normal, shear)
     loaded = with_stiffness(loaded, given.stiffness, given.grip)

@@ -147,21 +147,23 @@ def turn_into_loads(system, state, everywhere):
 
 
 @kernel
-def complementarity_step(system, state, table, hessian, exchanges, softness, farthest, normal,
-                         shear, step, right, reaction):
+def complementarity_step(system, state, table, hessian, exchanges, softness, closed, farthest,
+                         normal, shear, step, right, reaction):
     """Fill the forces that obey the linearized laws, the step, and what makes it, `right` (m, 3).
 
     And the change of the reaction (K,) of a held far end. Return whether forces are found (what
     slides by itself is held by none) and no contact moves by more than `farthest` of the length.
 
     `hessian`: factorized; `exchanges`: how often the active set may change; `softness`: by how
-    much, m/N, contacts yield to a change of their forces.
+    much, m/N, contacts yield to a change of their forces, then it changes as often as it has to;
+    `closed`: the part by which a held end comes nearer to its place.
     """
     count = table.gap.size
     first, of, beside, axes = contact_axes(table)
     loads = unit_loads(system, state, hessian, table.element[of], table.fraction[of], beside, axes)
     miss = np.zeros_like(reaction)
     constraint_value(system.effects.hold, state.rotations[-1], state.positions[-1], miss)
+    miss *= closed
     put_scaled(-1.0, state.gradient, right)
     solve_held(system, hessian, right, miss, step, reaction)
     if count == 0:
@@ -332,8 +334,8 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
         fresh = not same or not _STALE * age * residual < tolerance or rubs
         if fresh and not linearize(loaded, state, hessian, neutral):
             break
-        if not complementarity_step(loaded, state, table, hessian, most, 0.0, _FARTHEST, normal,
-                                    shear, step, right, reaction):
+        if not complementarity_step(loaded, state, table, hessian, most, 0.0, 1.0, _FARTHEST,
+                                    normal, shear, step, right, reaction):
             break
         change = largest_turn(loaded, hessian, step) + softness * _difference(table.force, normal)
         age = change if fresh else age + change
@@ -392,8 +394,8 @@ def correction(system, strains, positions):
     step, hessian = np.zeros_like(state.q), new_hessian(system)
     if table.gap.size == 0 or not linearize(loaded, state, hessian, table.gap.size == 0):
         return np.inf
-    if not complementarity_step(loaded, state, table, hessian, _CHANGES, 0.0, _FARTHEST, normal,
-                                shear, step, step.copy(), no_reaction(system)):
+    if not complementarity_step(loaded, state, table, hessian, _CHANGES, 0.0, 1.0, _FARTHEST,
+                                normal, shear, step, step.copy(), no_reaction(system)):
         return np.inf
     if not np.min(normal) > 0.0:
         return np.inf
