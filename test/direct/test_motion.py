@@ -439,15 +439,21 @@ def test_steps_are_exact_while_the_dlo_goes_on_bearing(friction):
     direct = DirectSimulator(rod(damping=(0.0, 5e-4)), n_elements=24, basis='local',
                              obstacles=[floor])
 
-    def places(dt):
+    def places(dt, tolerance=np.inf):
         ways = 0.05 * np.sin(np.pi * np.arange(0, 0.2 + 0.5 * dt, dt) / 0.2) ** 2
         poses = [Pose((-way, 0, 0.4), (0, 0, 0, 1)) for way in ways]
-        motion = direct.simulate(poses, dt, direct.solve(poses[0]), tolerance=np.inf)
+        motion = direct.simulate(poses, dt, direct.solve(poses[0]), tolerance=tolerance)
         assert motion.converged and all(shape.contacts for shape in motion.shapes)
         return np.array([shape.positions for shape in motion.shapes[::round(1e-2 / dt)]])
 
-    # with implicit Euler's steps alone it is 6e-3
-    assert np.abs(places(1e-2) - places(6.25e-4)).max() < 8e-4
+    fine = places(3.125e-4)
+
+    def error(*how):
+        return np.abs(places(*how) - fine).max()
+
+    # with implicit Euler's steps alone they are 6e-3 and 8e-4
+    assert error(1e-2) < 8e-4 and error(1.25e-3) < 3e-5
+    assert error(1e-2, None) < 5e-5  # with steps as long as the tolerance allows
 
 
 def test_a_dlo_that_has_bounced_moves_freely_again():
