@@ -828,7 +828,7 @@ def consistent_rates(system: Problem, calm: SchemeCoefficients, how: SchemeCoeff
                 course[4, now, k, i] = course[1, now, k, i]
     buffer.wrenches[now] = buffer.mean_wrenches[now, 0] = buffer.wrenches[last]
     buffer.end_wrenches[now] = buffer.mean_wrenches[now, 1] = buffer.end_wrenches[last]
-    if going and not buffer.held.shape[1]:
+    if going and not buffer.held.shape[1]:  # of two grips neither's own impulse is known
         buffer.energies[now, WORK] += _work_of_impulse(how, buffer, now, ahead, back, before)
     buffer.energies[now, KINETIC] = _kinetic(how, buffer.nodes, now)
 

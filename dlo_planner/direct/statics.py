@@ -162,20 +162,19 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: S
         shape = equilibrium(mesh, gripper, strains, past, far_end, method=how.method,
                             culled=culled, watch=watch)
         if (newton and initial is None and far_end is not None and mesh.obstructed
-                and mesh.surroundings.gravity.any() and not (culled or shape.converged)):
+                and mesh.loaded and not (culled or shape.converged)):
             laid = _laid_from_above(mesh, gripper, past, far_end)
             shape = laid if laid.converged else shape
     return shape if clear else replace(shape, converged=False, jumped=True)
 
 
 def _laid_from_above(mesh: Discretization, gripper: Pose, memory: Memory, far_end: FarEnd) -> Shape:
-    """Return the Shape that falls onto the obstacles from where its weight would lift it.
+    """Return the Shape that falls onto the obstacles from where its dead loads would lift it.
 
     Where a DLO that hangs in its grips would be inside obstacles, the way out may be above them.
     """
-    around = mesh.surroundings
-    lifted = mesh.within(replace(around, obstacles=(), gravity=-around.gravity))
-    arch = step(lifted, gripper, None, StepInputs(far_end=far_end))
+    bare = mesh.within(replace(mesh.surroundings, obstacles=()))
+    arch = step(bare.varied(pull=-bare.free.load.pull), gripper, None, StepInputs(far_end=far_end))
     return equilibrium(mesh, arch.gripper, arch.element_strains, memory, far_end)
 
 

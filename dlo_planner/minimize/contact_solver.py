@@ -69,7 +69,7 @@ _DEEP, _STUCK, _PRESSING, _PRESSED = 1e-3, 1e-4, 80, 200
 # forces are sought at once, with so many exchanges of points, which are kept after the first few.
 _ROUGH, _MOST = (1e-3, 1e-3, 1e-6, 1e-9, 1e-9), (12, 48, 100, 100, 400)
 _SLIDES, _EXCHANGES, _CHOICES = 4, 8, 3
-_MOST_KICKS = 10
+_MOST_KICKS, _SAME = 10, 1e-6  # part of the unknowns: shapes that differ by less are one
 
 
 def constrained_newton(system: Problem, q: Floats, tolerance: float, max_iterations: int,
@@ -131,7 +131,8 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
     length = np.sum(system.lengths)
     first = reaction_of(hold, row_count(system.needs.border))
     steps = kicks = attempt = 0
-    beside, seeks = np.empty_like(q), bears(system.effects.contact.contacts)
+    beside, saddle = np.empty_like(q), np.full_like(q, np.inf)
+    seeks = bears(system.effects.contact.contacts)
     on_a_way, flow = exact > _ON_A_WAY * length, np.array([0.0, 1.0])
     if not (seeks or on_a_way):
         done, state, residual, stability, steps, kicks, violation = _free(
@@ -158,9 +159,11 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
             if rests:  # friction that counts from steps of the flow is not that of a step from rest
                 kicks += attempt > _SLIDES
                 return state, residual, stability, steps, kicks, loaded, violation
-            falls = stability <= -HELD_NEUTRAL and kicks < _MOST_KICKS
+            falls = (stability <= -HELD_NEUTRAL and kicks < _MOST_KICKS  # and not back to the same
+                     and np.max(np.abs(state.q - saddle)) > _SAME * np.max(np.abs(state.q)))
             if falls:
                 stability, mode = _judged(loaded, state, tolerance, exact)
+                saddle = state.q.copy()
                 falls = leave_saddle(loaded, state, mode, beside)
             if falls:
                 kicks, attempt, there, begin = kicks + 1, 0, loaded, beside.copy()
@@ -174,7 +177,9 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
             max_iterations - steps)
         steps += moves
         rough = exact / length if on_a_way else _ROUGH[attempt]
-        most = max(0, min(_MOST[attempt], max_iterations - steps))
+        most = max(0, max_iterations - steps)
+        if not on_a_way:
+            most = min(most, _MOST[attempt])
         there, begin, moves, previous = relax(there, begin, previous, attempt == _SLIDES, rough,
                                               most, flow)
         steps, attempt, seeks = steps + moves, attempt + 1, True

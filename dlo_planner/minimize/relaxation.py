@@ -128,7 +128,7 @@ def relax(system, q, previous, follows, rough, most, flow):
                 add_to(wrong, part - 1.0, state.gradient)
                 left, error = dot(wrong, wrong), 0.0
                 whole = part * part * max(dot(right, right), shift * shift * dot(step, step))
-                if left > 0.0:  # else it rests already, as a DLO upright on its tip may
+                if left != 0.0:  # else it rests already, as a DLO upright on its tip may
                     error = np.sqrt(left / whole) if whole > 0.0 else np.inf
                 after, there, its_residual, its_table, later = _watched(
                     after, there, its_table, previous, follows, near, steps > _CHOICES)

@@ -61,7 +61,7 @@ from dlo_planner.minimize.newton import HELD_NEUTRAL
 _TINY = 1e-4      # of a negligible force: of candidates that are far away
 _CHANGES, _MORE_CHANGES = 8, 20       # times that contacts are let go or taken back
 _FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
-_STEPS = 24           # Newton steps at most
+_STEPS, _MORE_STEPS = 24, 80  # Newton steps at most, and of what has come from afar
 _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
 _FALLS = 0.5         # of the error before: what falls less does not converge
 _STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves per rad turned since
@@ -310,7 +310,7 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
     last = touching(system.effects.contact.scene, system.effects.contact.contacts, system.lengths,
                     begin)
     vain = 0
-    for steps in range(_STEPS):
+    for steps in range(_MORE_STEPS if afar else _STEPS):
         loaded = loaded_by_contacts(loaded, state, previous, -exact, False, afar)
         state, residual, table, violation = kkt_residual(loaded, state.q)
         if not (afar or table.gap.size):
@@ -327,7 +327,7 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
             return True, state, residual, violation, loaded, hessian, age, steps
         wrong = max(residual / tolerance, violation / exact)
         vain = 0 if wrong < _FALLS * before or not same else vain + 1
-        if steps >= _GRACE and vain > (_PATIENCE if rubs else 0):
+        if steps >= _GRACE and vain > (_PATIENCE if rubs or afar else 0):
             break
         before, last = min(wrong, before) if same else wrong, table
         # near the end the last factorization is as good; but friction turns with what slides
@@ -441,9 +441,9 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
     A contact without force does not push. Nodes whose gap is below `near`, m, become candidates
     with a negligible force: the laws tell what they bear. They are all (`everywhere`), or those
     beside nodes that bear (not beside points that roll), of these as well what is about as near as
-    the state is exact, so that a step finds at once all that touches then; and from `afar` whatever
-    is pressed in. Then friction is a load, too, that of what sticks or all. With a past
-    (`previous`) friction is that of the contacts there.
+    the state is exact, so that a step finds at once all that touches then; points inside elements
+    that are pressed in; and from `afar` nodes that are. Then friction is a load, too, that of what
+    sticks or all. With a past (`previous`) friction is that of the contacts there.
     """
     given = system.effects.contact.contacts
     scene, k, lengths = system.effects.contact.scene, given.stiffness, system.lengths

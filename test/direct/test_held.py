@@ -364,6 +364,23 @@ def test_a_mesh_that_begins_deep_inside_a_bar_comes_out(grip, stiffness, end, he
     check_laws(rod, shape)
 
 
+@pytest.mark.parametrize('mesh', [{'n_elements': 32, 'basis': 'local'}, {'accuracy': 1e-3}])
+@pytest.mark.parametrize('loads', [{}, {'gravity': (0, 0, 0), 'load': (0, 0, -0.5)}])
+def test_what_hangs_through_a_box_is_laid_over_it(loads, mesh):
+    rod = Rod(0.6, 0.05, 0.02, 0.016, radius=2e-3)
+    box = Box(Pose((0.25, 0, 0), (0, 0, 0, 1)), (0.15, 0.3, 0.2))
+    direct = DirectSimulator(rod, obstacles=[box], **loads, **mesh)
+    gripper, end = (Pose((place, 0, 0.12), (0, 0, 0, 1)) for place in (0.0, 0.5))
+    shape = direct.solve(gripper, far_end=end)
+    assert shape.converged and shape.stability > 0.0 and shape.contacts, shape.status
+    x, y, z = dense(shape).T
+    over = (np.abs(x - 0.25) < 0.075) & (np.abs(y) < 0.15)
+    assert over.any() and z[over].min() > 0.1 + rod.radius - 1e-5
+    pushed = shape.gripper_wrench[2] + shape.far_wrench[2] + sum(
+        contact.vector[2] for contact in shape.contacts)
+    assert pushed == pytest.approx(0.6 * (0.5 if loads else 0.05 * 9.81), rel=1e-6)
+
+
 @pytest.mark.parametrize(('stiffness', 'span', 'obstacle'), [
     (1.4, 0.84, Cylinder((0.33, -0.5, -0.346), (0.51, 0.5, -0.346), 0.084)),
     (0.3, 0.67, Sphere((0.335, 0, -0.562), 0.2)),
