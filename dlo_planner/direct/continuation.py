@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, dist, hypot, log2
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -76,27 +76,27 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
               halvings: int | None, tried: Shape | None = None) -> Shape:
     """Return what `follow` does."""
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
-    turn = angle_between(previous.gripper.rotation, goal.gripper.rotation)
-    if last or not _is_long(previous, previous, goal, turn, at_once):
+    way = _way(previous, goal)
+    if last or not _is_long(way, previous.contacts, at_once):
         if not (last or at_once or previous.contacts or goal.far_end is not None):
-            most = _LEAP + _FOLLOWING * turn
+            most = _LEAP + _FOLLOWING * way.turn
         shape = tried or solve(goal.gripper, previous, goal.far_end, most)
         if not shape.converged and (shape.jumped or goal.far_end is not None and halvings is None):
             return shape  # it went in parts already: the way is blocked, or out of reach
-        good = sound(previous, shape)
-        if good and (last or not _is_doubtful(previous, shape)):
-            if last or not shape.contacts or not _is_long(previous, shape, goal, turn, at_once):
+        good, touches = sound(previous, shape, way), previous.contacts or shape.contacts
+        if good and (last or not _is_doubtful(previous, shape, way)):
+            if last or not shape.contacts or not _is_long(way, touches, at_once):
                 return shape
         elif last:
             return _jumped(shape)
-        elif (good and not _is_long(previous, shape, goal, turn, at_once)
-              and not (_motion(previous, goal) > _OFF and _comes_off(previous, shape))):
+        elif (good and not _is_long(way, touches, at_once)
+              and not (way.size > _OFF and _comes_off(previous, shape))):
             agree, half = _by_halves(solve, previous, goal, shape)
             if agree:
                 return shape
         failed = not shape.converged and most == np.inf
     if halvings is None:
-        parts = max(_motion(previous, goal) / _SHORTEST, 1.0)
+        parts = max(way.size / _SHORTEST, 1.0)
         halvings = min(max(ceil(log2(parts)), _LEAST), _MOST)
     left = (min(halvings, _FAILURES) if failed else halvings) - 1
     middle = _followed(solve, previous, _partway(previous, goal), False, left, half)
@@ -124,10 +124,10 @@ def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
     """
     there = _partway(previous, goal)
     first = solve(there.gripper, previous, there.far_end, np.inf)
-    if not sound(previous, first):
+    if not sound(previous, first, _way(previous, there)):
         return False, first
     end = solve(goal.gripper, first, goal.far_end, np.inf)
-    agree = (sound(first, end) and not _changes(shape, end)
+    agree = (sound(first, end, _way(first, goal)) and not _changes(shape, end)
              and shape_change(shape, end) <= _SAME)
     if agree:
         most = max(shape_change(previous, first), shape_change(first, end))
@@ -147,60 +147,66 @@ def _partway(previous: Shape, goal: Grips) -> Grips:
     return Grips(previous.gripper, end).towards(goal, 0.5)
 
 
-def _is_long(previous: Shape, shape: Shape, goal: Grips, turn: float, at_once: bool) -> bool:
-    """Whether a step to `goal`, by a `turn` (rad), is cut in any case; it leads to `shape`."""
+class Way(NamedTuple):
+    """How far grips go in a step, from where they are in a Shape."""
+
+    shift: float        # of the gripper, of the length
+    turn: float         # of the gripper, rad; 0 of a ball joint, with which no DLO turns
+    held: float | None  # of what the far end's grip holds, rad and of the length; None: no grip
+
+    @property
+    def size(self) -> float:
+        """The sum of all."""
+        return self.shift + self.turn + (self.held or 0.0)
+
+
+def _way(previous: Shape, goal: Grips) -> Way:
+    """Return the Way of the grips from where they are in a Shape to `goal`."""
+    length, held = float(previous.s[-1]), None
+    one, other = previous.gripper, goal.gripper
     if goal.far_end is not None:
-        return False  # the ends go in small parts anyway
-    touches = bool(previous.contacts or shape.contacts)
-    if touches and _shift(previous, goal.gripper) > _LONGEST_SHIFT:
-        return True
-    return turn > LONGEST_TURN and (touches or not at_once) and not previous.pinned
-
-
-def _shift(previous: Shape, gripper: Pose) -> float:
-    """Return by how much the gripper moves, of the length."""
-    return dist(gripper.position, previous.gripper.position) / float(previous.s[-1])
-
-
-def _motion(previous: Shape, goal: Grips) -> float:
-    """Return how far the grips go from where they are in a Shape, rad and of the length."""
-    length = float(previous.s[-1])
-    size = dist(goal.gripper.position, previous.gripper.position) / length
-    if not previous.pinned:
-        size += angle_between(previous.gripper.rotation, goal.gripper.rotation)
-    if goal.far_end is not None:  # by what it holds
         rows, pose = goal.far_end.held, goal.far_end.pose
         turn = rows[:, :3] @ turn_between(previous.frames[-1], pose.rotation)
         shift = rows[:, 3:] @ (pose.position - previous.positions[-1]) / length
-        size += hypot(*turn) + hypot(*shift)
-    return size
+        held = hypot(*turn) + hypot(*shift)
+    return Way(dist(one.position, other.position) / length,
+               0.0 if previous.pinned else angle_between(one.rotation, other.rotation), held)
 
 
-def sound(previous: Shape, shape: Shape) -> bool:
+def _is_long(way: Way, touches: object, at_once: bool) -> bool:
+    """Whether a step is cut in any case; `touches`: contacts before or after, if any."""
+    if way.held is not None:
+        return False  # the ends go in small parts anyway
+    if touches and way.shift > _LONGEST_SHIFT:
+        return True
+    return way.turn > LONGEST_TURN and bool(touches or not at_once)
+
+
+def sound(previous: Shape, shape: Shape, way: Way) -> bool:
     """Return whether nothing speaks against a step of the grips from `previous` to `shape`."""
-    return (shape.converged and not shape.state.kicks and not fell(previous, shape)
+    return (shape.converged and not shape.state.kicks and not fell(previous, shape, way)
             and not _passes(previous, shape))
 
 
 def surely_follows(previous: Shape, shape: Shape) -> bool:
     """Return whether `follow` takes `shape`, found in one step, as it is; arguments as `sound`."""
-    turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
-    return (sound(previous, shape) and not _is_doubtful(previous, shape)
-            and not _is_long(previous, shape, Grips(shape.gripper, shape.far_end), turn, False))
+    way = _way(previous, Grips(shape.gripper, shape.far_end))
+    return (sound(previous, shape, way) and not _is_doubtful(previous, shape, way)
+            and not _is_long(way, previous.contacts or shape.contacts, False))
 
 
-def fell(previous: Shape, shape: Shape) -> bool:
-    """Return whether `shape` does not continue `previous` in a single step of the grips.
+def fell(previous: Shape, shape: Shape, way: Way | None = None) -> bool:
+    """Return whether `shape` does not continue `previous` in a single step of the grips, a `way`.
 
     It changed more than their motion can cause; or, in contact, pinned or with its far end held, it
     lost energy that neither work nor friction accounts for.
     """
-    change = shape_change(previous, shape)
+    change, way = shape_change(previous, shape), way or _way(
+        previous, Grips(shape.gripper, shape.far_end))
     if not (previous.contacts or shape.contacts or shape.far_end is not None or shape.pinned):
-        turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
-        return change > _LEAP + _FOLLOWING * turn  # its shift deforms nothing
+        return change > _LEAP + _FOLLOWING * way.turn  # its shift deforms nothing
     leap = _LEAP_OFF if _comes_off(previous, shape) else _LEAP_ON
-    if change > leap + _FOLLOWING * _motion(previous, Grips(shape.gripper, shape.far_end)):
+    if change > leap + _FOLLOWING * way.size:
         return True
     return (previous.far_end is None or shape.far_end is not None) and _lost(previous, shape)
 
@@ -271,14 +277,13 @@ def _comes_off(previous: Shape, shape: Shape) -> bool:
                 <= {contact.obstacle for contact in shape.contacts})
 
 
-def _is_doubtful(previous: Shape, shape: Shape) -> bool:
+def _is_doubtful(previous: Shape, shape: Shape, way: Way) -> bool:
     """Whether contacts change in a step, or slide on another branch perhaps."""
     if _changes(previous, shape):
         return True
     if not any(contact.friction.any() for contact in shape.contacts):
         return False
-    moved = _motion(previous, Grips(shape.gripper, shape.far_end))
-    return shape_change(previous, shape) > _SLIDING * moved
+    return shape_change(previous, shape) > _SLIDING * way.size
 
 
 def _changes(one: Shape, other: Shape) -> bool:
