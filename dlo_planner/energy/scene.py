@@ -34,7 +34,6 @@ PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER, ELLIPSOID = range(7)
 AXIS, EDGE, FACE, NODE_FACE = range(4)
 _SMOOTH = (PLANE, SPHERE, CAPSULE, ELLIPSOID)  # edges of a section need not be rounded there
 _BY_SECTIONS = (PLANE, SPHERE, CAPSULE, BOX, SHEET)  # what its edges and faces are watched against
-_MOST_FOILS = 5
 _MOST_SLOTTED = 2  # rectangular cut-outs of a sheet: each doubles its bodies
 _ROUNDING = 0.02  # of the smaller half size: of a section's edges where an obstacle has edges
 _ALL = (0, 2**31)  # nodes
@@ -44,10 +43,10 @@ _AROUND = np.array([(np.cos(angle), np.sin(angle)) for angle in np.arange(12) * 
 class Scene(Record):
     """Obstacles as plain arrays; M bodies with H cut-outs in all.
 
-    A body is a part of an obstacle, as one feature of the DLO's surface meets it. A sheet is a
-    stack of foils, its faces and, if it is thick, some between: at the rim of a hole a DLO touches
-    edges, and each edge needs a nearest point of its own. So do those that meet in the corner of a
-    rectangular hole, which are edges of two foils with slots. A round DLO has one feature, balls
+    A body is a part of an obstacle, as one feature of the DLO's surface meets it. A sheet is two
+    layers, if it is thick: at the rims of a hole a DLO touches two edges, and each edge needs a
+    nearest point of its own. So do those that meet in the corner of a rectangular hole, which are
+    edges of two layers with slots. A round DLO has one feature, balls
     about its axis. A rectangular one has four edges along it; where an obstacle is curved or has
     edges itself, also the faces between them (`energy.gap`).
     """
@@ -91,14 +90,14 @@ class _Edge(NamedTuple):
     half: float
 
 
-class _Foil(NamedTuple):
-    """A Sheet without thickness, with other cut-outs, which may reach beyond it."""
+class _Layer(NamedTuple):
+    """A Sheet with other cut-outs, which may reach beyond it."""
 
     sheet: Sheet
     cutouts: tuple[CutOut, ...]
 
 
-_Part: TypeAlias = Obstacle | _Foil | _Edge
+_Part: TypeAlias = Obstacle | _Layer | _Edge
 _Span: TypeAlias = tuple[int, int]  # first and last node
 
 
@@ -132,14 +131,14 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
     rows: list[tuple[Any, ...]] = []
     holes: list[tuple[int, Floats, Floats, Floats]] = []
     for source, obstacle in enumerate(obstacles):
-        for part in _parts(obstacle, surface):
+        for part in _parts(obstacle, surface.half is not None):
             body = _body(part)
             if surface.half is not None and body.kind not in _BY_SECTIONS:
                 raise InvalidTask(f'{obstacle!r}: expected a DLO with a round section, of a '
                                   'rectangular one the faces are not watched there; a Capsule or '
                                   'a Box is possible')
             for feature in _features(body, surface, rims, sharp):
-                if isinstance(part, _Foil):
+                if isinstance(part, _Layer):
                     holes += [(len(rows), *_hole(body.pose, cutout)) for cutout in part.cutouts]
                 rows.append((source, body.kind, body.pose.rotation, body.pose.position, body.size,
                              obstacle.friction, *feature, body.inner))
@@ -157,11 +156,11 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
                  np.zeros((0, 2)) if s is None else surface.radii(np.asarray(s)), column(10))
 
 
-def _parts(obstacle: Obstacle, surface: Surface) -> Sequence[_Part]:
-    """Return what an obstacle consists of: obstacles, and straight edges."""
+def _parts(obstacle: Obstacle, edged: bool) -> Sequence[_Part]:
+    """Return what an obstacle consists of; straight edges, too, if the DLO is `edged` itself."""
     if isinstance(obstacle, Sheet):
-        return [part for foil in _foils(obstacle, surface.least) for part in _slotted(foil)]
-    if isinstance(obstacle, Box) and surface.half is not None:
+        return [part for layer in _layers(obstacle) for part in _slotted(layer)]
+    if isinstance(obstacle, Box) and edged:
         return [obstacle, *_edges(obstacle)]
     return [obstacle]
 
@@ -196,8 +195,10 @@ def _body(part: _Part) -> _Body:
         # within the radius of its sharpest bend there is one way out
         inner = float(part.half_axes.min() ** 2 / part.half_axes.max())
         return _Body(ELLIPSOID, part.pose, part.half_axes, inner)
-    if isinstance(part, _Foil):
-        return _Body(SHEET, part.sheet.pose, (0.0, 0.5 * part.sheet.width, 0.5 * part.sheet.height))
+    if isinstance(part, _Layer):
+        sheet = part.sheet
+        return _Body(SHEET, sheet.pose, 0.5 * np.array([sheet.thickness, sheet.width,
+                                                        sheet.height]))
     if isinstance(part, _Edge):
         return _Body(CAPSULE, part.pose, (part.half, 0, 0))
     raise TypeError(f'{part!r}: no body stands for it')
@@ -225,40 +226,35 @@ def _features(body: _Body, surface: Surface, rims: Iterable[tuple[float, _Span]]
     return edges
 
 
-def _foils(sheet: Sheet, radius: float) -> list[Sheet]:
-    """Return Sheets without thickness that stand for `sheet`, close enough for the DLO's radius."""
-    if sheet.thickness == 0:
-        return [sheet]
-    number = _MOST_FOILS
-    if sheet.thickness < 4 * _MOST_FOILS * radius:
-        number = min(_MOST_FOILS, 2 + int(sheet.thickness / (4 * radius)))
-    shifts = np.linspace(-0.5, 0.5, number) * sheet.thickness
-    return [_foil(sheet, shift) for shift in shifts]
+def _layers(sheet: Sheet) -> list[Sheet]:
+    """Return the halves of a Sheet, each its x axis out of it; itself, if it has no thickness."""
+    return [sheet] if sheet.thickness == 0 else [_layer(sheet, side) for side in (-1, 1)]
 
 
-def _foil(sheet: Sheet, shift: float) -> Sheet:
-    """Return a Sheet without thickness, moved along the normal by a shift in m."""
-    def moved(pose: Pose) -> Pose:
-        return Pose(pose.position + shift * sheet.pose.direction, pose.quaternion)
+def _layer(sheet: Sheet, side: int) -> Sheet:
+    """Return the half of a Sheet on the side 1 or -1 of its x axis."""
+    shift = 0.25 * side * sheet.thickness * sheet.pose.direction
+    out = sheet.pose.rotation * (side, side, 1)
+    return replace(sheet, pose=Pose.from_rotation(sheet.pose.position + shift, out),
+                   thickness=0.5 * sheet.thickness,
+                   cutouts=tuple(replace(one, pose=Pose(one.pose.position + shift,
+                                                        one.pose.quaternion))
+                                 for one in sheet.cutouts))
 
-    return replace(sheet, pose=moved(sheet.pose), thickness=0.0,
-                   cutouts=tuple(replace(cutout, pose=moved(cutout.pose))
-                                 for cutout in sheet.cutouts))
 
-
-def _slotted(sheet: Sheet) -> list[_Foil]:
-    """Return foils whose union is a sheet, with slots in place of its rectangular cut-outs.
+def _slotted(sheet: Sheet) -> list[_Layer]:
+    """Return layers whose union is a sheet, with slots in place of its rectangular cut-outs.
 
     In the corner of a rectangle a DLO touches two edges, each of which needs a normal of its own. A
-    cut-out is where two slots meet that reach beyond the sheet; each foil has one of them.
+    cut-out is where two slots meet that reach beyond the sheet; each layer has one of them.
     """
     round_ones = [cutout for cutout in sheet.cutouts if cutout.radius is not None]
     square = [cutout for cutout in sheet.cutouts if cutout.radius is None]
     if len(square) > _MOST_SLOTTED:
-        return [_Foil(sheet, sheet.cutouts)]
+        return [_Layer(sheet, sheet.cutouts)]
     beyond = 4.0 * (sheet.width + sheet.height)
     slots = [(replace(one, width=beyond), replace(one, height=beyond)) for one in square]
-    return [_Foil(sheet, (*round_ones, *chosen)) for chosen in product(*slots)]
+    return [_Layer(sheet, (*round_ones, *chosen)) for chosen in product(*slots)]
 
 
 def _hole(pose: Pose, cutout: CutOut) -> tuple[Floats, Floats, Floats]:
@@ -427,10 +423,16 @@ def _from_ellipsoid(p, half, normal, hessian):
 
 @kernel
 def _from_sheet(scene, o, p, normal, hessian):
-    """Distance from a plate with holes."""
-    slope = np.zeros(2)
+    """Distance from one of the two layers of a plate with holes; the other one is below it.
+
+    What is inside of one of them comes out of both, not from one into the other.
+    """
+    slope, half = np.zeros(2), scene.size[o, 0]
     a, turn = in_plane(scene, o, p[1], p[2], slope)
-    return _from_faces(p, scene.size[o, 0], a, turn, slope, normal, hessian)
+    if a <= 0.0 and abs(p[0] + half) <= 2.0 * half:
+        whole = np.array([p[0] + half, p[1], p[2]])
+        return _from_faces(whole, 2.0 * half, a, turn, slope, normal, hessian)
+    return _from_faces(p, half, a, turn, slope, normal, hessian)
 
 
 @kernel

@@ -68,7 +68,7 @@ _STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves pe
 _GRACE = 3           # first steps, in which it may do so
 _LONG = 6            # steps after which contacts that still change may go round in circles
 _PATIENCE = 8        # steps in vain with friction: a change of its direction raises the error first
-_CROSSES = 0.9    # of the distance from the middle of a sheet at which a DLO touches it
+_CROSSES = 0.9       # of the DLO's radius: its axis is so deep in what it crosses
 _AROUND = 4.0       # times the largest gap of what bears: nodes beside it may bear as well
 
 
@@ -476,14 +476,14 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
             gap, _, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
                                       state.positions, normal, hessian)
             push = contacts.multiplier[c]
-            if everywhere and _crosses(scene, contacts.obstacle[c], contacts.element[c], gap):
+            if everywhere and _is_halfway(scene, contacts.obstacle[c], contacts.element[c], gap):
                 push = 0.0
             elif not push > 0.0 and gap < near:
                 push = _TINY * NEGLIGIBLE * k * abs(gap)
             contacts.multiplier[c] = _pushing(push, k * gap)
     for o in range(scene.kind.size):
         for node in range(force.shape[1]):
-            if everywhere and _crosses(scene, o, node, yielded[o, node] / k):
+            if everywhere and _is_halfway(scene, o, node, yielded[o, node] / k):
                 force[o, node] = 0.0
             elif everywhere and force[o, node] == 0.0 and yielded[o, node] < k * near:
                 force[o, node] = _TINY * NEGLIGIBLE * abs(yielded[o, node])
@@ -496,14 +496,20 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
 
 
 @kernel
-def _crosses(scene, o, node, gap):
+def _is_halfway(scene, o, node, gap):
     """Whether the axis is so near to the middle of a sheet that nothing tells to which side."""
+    return _is_in_sheet(scene, o, node, gap + 2.0 * scene.size[o, 0])  # it has two layers
+
+
+@kernel
+def _is_in_sheet(scene, o, node, gap):
+    """Whether the axis is in a sheet, or nearly so."""
     return scene.kind[o] == SHEET and gap < -_CROSSES * radius_at_node(scene, o, node)
 
 
 @kernel
 def crosses_a_sheet(system, state):
-    """Whether the axis is in the middle of a sheet, at a node or at a point that is watched."""
+    """Whether the axis is in a sheet, at a node or at a point that is watched."""
     scene, contacts, lengths = (system.effects.contact.scene, system.effects.contact.contacts,
                                 system.lengths)
     normal, hessian = np.empty(3), np.empty((3, 3))
@@ -513,13 +519,13 @@ def crosses_a_sheet(system, state):
         gaps = near_gaps(scene, o, lengths, contacts.node[o], state.strains, state.rotations,
                          state.positions, 0.0)
         for node in range(gaps.size):
-            if _crosses(scene, o, node, gaps[node]):
+            if _is_in_sheet(scene, o, node, gaps[node]):
                 return True
     for c in range(contacts.element.size):
         if contacts.obstacle[c] >= 0 and scene.kind[contacts.obstacle[c]] == SHEET:
             gap, e, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
                                       state.positions, normal, hessian)
-            if _crosses(scene, contacts.obstacle[c], e, gap):
+            if _is_in_sheet(scene, contacts.obstacle[c], e, gap):
                 return True
     return False
 

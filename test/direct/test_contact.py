@@ -186,6 +186,21 @@ def test_a_dlo_in_a_hole_stays_in_it(wire):
     assert shape.contacts
 
 
+@pytest.mark.parametrize('hole', [{'radius': 0.01}, {'width': 0.02, 'height': 0.02}])
+@pytest.mark.parametrize('short', [0.004, 0.012, 0.02])
+def test_a_tip_in_a_thick_sheet_leans_on_the_wall_of_the_hole(hole, short):
+    stiff = Rod.circular(0.5, 2e-3, 8960.0, 110e9, 0.34)
+    place = Pose.looking_along((0.5 - short + 0.012, 0, 1.0), (1, 0, 0))
+    sheet = Sheet.around(CutOut(place, **hole), thickness=0.024)
+    simulator = DirectSimulator(stiff, gravity=(0, 0, 0), obstacles=[sheet])
+    shape = None
+    for yaw in np.linspace(0, 0.03, 7):
+        shape = simulator.solve(Pose.looking_along((0, 0, 1), (1, yaw, 0)), shape)
+        assert shape.converged
+        assert shape.positions[-1, 1] < 0.01 - stiff.radius + 1e-6
+    assert shape.contacts and shape.contacts[-1].normal[1] == pytest.approx(-1)
+
+
 @pytest.mark.every(2)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 def test_friction_holds_back_a_wire_drawn_over_the_floor(wire, basis):

@@ -29,12 +29,11 @@ SQUARE = CutOut(Pose.from_rotation(POSE.position + POSE.rotation @ [0, -0.12, 0]
                 width=0.1, height=0.06)
 OBSTACLES = [Plane((0, 0, 0.2), (1, 2, 3)), Sphere((0.3, 0.1, 0.2), 0.15),
              Capsule((0.3, 0, 0), (0.1, 0.4, 0.3), 0.05), Box(POSE, (0.1, 0.3, 0.5)),
-             Sheet(POSE, 0.5, 0.6, 0.0, [ROUND, SQUARE]), Sheet(POSE, 0.5, 0.4, 0.0, SQUARE),
+             Sheet(POSE, 0.5, 0.6, 0.02, [ROUND, SQUARE]), Sheet(POSE, 0.5, 0.4, 0.0, SQUARE),
              Cylinder((0.3, 0, 0.1), (0.1, 0.1, 0.3), 0.12),
              Cylinder((0.1, -0.2, 0.3), (0.12, -0.18, 0.31), 0.3),
              Ellipsoid(POSE, (0.1, 0.3, 0.2)), Ellipsoid(POSE, (0.4, 0.02, 0.4))]
 SCENE = build_scene(OBSTACLES, 0.0)
-SCENE.size[SCENE.source == 4, 0] = 0.01  # the kernel knows thickness; scenes are built of foils
 
 
 def distance(index, x):
@@ -193,13 +192,41 @@ def test_a_section_with_edges_is_refused_by_a_cylinder():
         build_scene([body], strip)
 
 
-def test_a_sheet_with_thickness_is_a_stack_of_foils():
-    thin, thick = (build_scene([Sheet(POSE, 0.5, 0.6, t, ROUND)], 1e-3) for t in (2e-3, 1.0))
-    assert thin.kind.size == 2 and thick.kind.size == 5
-    assert set(thick.source) == {0}
-    ends = (thick.center - POSE.position) @ POSE.direction
-    np.testing.assert_allclose(ends, [-0.5, -0.25, 0, 0.25, 0.5], atol=1e-12)
-    np.testing.assert_allclose(thick.hole_center - thick.hole_center[0], 0, atol=1e-12)
+@pytest.mark.parametrize('cutouts', [ROUND, SQUARE], ids=['round', 'square'])
+@pytest.mark.parametrize('thickness', [2e-3, 0.02, 0.1])
+def test_the_wall_of_a_hole_is_closed(thickness, cutouts, rng):
+    scene = build_scene([Sheet(POSE, 0.5, 0.6, thickness, cutouts)], 1e-3)
+    normal, bend = np.empty(3), np.empty((3, 3))
+    hole = np.array(cutouts.pose.rotation)
+    for _ in range(200):
+        height, angle = thickness * rng.uniform(-0.5, 0.5), rng.uniform(0, 2 * np.pi)
+        away = np.array([np.cos(angle), np.sin(angle)])
+        if cutouts.radius is None:
+            reach = np.min(np.array([cutouts.width, cutouts.height]) / 2 / np.abs(away))
+        else:
+            reach = cutouts.radius
+        depth = rng.uniform(-5e-3, 5e-3)  # along the ray; what is left of it across the wall
+        x = cutouts.center + height * POSE.direction + hole[:, 1:] @ away * (reach + depth)
+        gap = min(signed_distance(scene, o, x, normal, bend) for o in range(scene.kind.size))
+        if cutouts.radius is not None:
+            assert gap == pytest.approx(max(-depth, abs(height) - thickness / 2), abs=1e-12)
+        else:
+            assert np.sign(gap) == -np.sign(depth) and abs(gap) <= abs(depth) + 1e-12
+
+
+def test_both_layers_of_a_sheet_push_the_same_way(rng):
+    scene = build_scene([Sheet(POSE, 0.5, 0.6, 0.02, ROUND)], 1e-3)
+    assert scene.kind.size == 2
+    for x in points(rng, 500):
+        local = (x - POSE.position) @ POSE.rotation * (0.02, 1, 1)  # most of them in the material
+        found = []
+        for o in range(2):
+            normal, bend = np.empty(3), np.empty((3, 3))
+            found.append((signed_distance(scene, o, POSE.position + POSE.rotation @ local, normal,
+                                          bend), normal))
+        (one, out), (other, there) = found
+        if min(one, other) < 0:
+            assert one == pytest.approx(other) and out @ there == pytest.approx(1)
 
 
 @pytest.mark.parametrize('order', [1, -1])
