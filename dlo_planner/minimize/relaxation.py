@@ -59,6 +59,7 @@ _SOFTEST, _STIFFEST = 0.01, 1e-12
 _LEAST_SHIFT = 1e-3  # where shifts begin, relative to elasticity and loads
 _MOST_SHIFT = 1e9    # times the least one: then nothing moves
 _LARGER, _SMALLER = 4.0, 0.25  # most and least that shift and softness are multiplied by
+_SOFTER = 1 / 16      # the same, of the least shift, where it is too large and none too small
 # A step brings contacts deeper by this part of the DLO's radius, within limits, of the length.
 _PART, _LEAST_DEEPER, _DEEPER = 0.25, 1e-4, 5e-3
 _CHOICES = 12     # steps in which points inside elements are chosen anew; then they are kept
@@ -97,7 +98,8 @@ def relax(system, q, previous, follows, rough, most, flow):
     loaded, state, residual, table, previous = _watched(loaded, state, table, previous, follows,
                                                         near, follows)
     shift, softness, steps, stands = flow[0], min(flow[1], softest), 0, False
-    while steps < most and shift < _MOST_SHIFT * least:
+    largest, too_large = _MOST_SHIFT * least, False
+    while steps < most and shift < largest:
         if stands and residual < rough and deepest(table) < rough * length:
             break
         steps += 1
@@ -143,6 +145,9 @@ def relax(system, q, previous, follows, rough, most, flow):
                 if not error < _BAD:
                     error = np.inf  # it may be no number
                     move_multipliers(hold, -part, reaction)
+        if used == 0.0 and too_large and not error < _BAD:
+            least *= _SOFTER
+        too_large = used > 0.0 and error < _SMALLER * _AIM
         factor = error / _AIM
         factor = min(factor * factor, _LARGER) if factor > 1.0 else max(np.sqrt(factor), _SMALLER)
         shift = max(shift, least) * factor if factor > 1.0 else shift * factor
@@ -152,7 +157,7 @@ def relax(system, q, previous, follows, rough, most, flow):
             loaded, state, residual, table, previous = after, there, its_residual, its_table, later
         if factor < 1.0 or error >= _BAD:  # contacts that yield more again would go to and fro
             softness = min(max(softness, _STIFFEST) * factor, softest)
-    flow[0], flow[1] = shift if shift < _MOST_SHIFT * least else 0.0, softness
+    flow[0], flow[1] = shift if shift < largest else 0.0, softness
     normal, shear = forces_without_candidates(loaded, table, state)
     put_forces(loaded, table, normal, shear)
     loaded = with_stiffness(loaded, given.stiffness, given.grip)
