@@ -65,10 +65,12 @@ _ON_A_WAY = 1e-7  # of the length: who allows a violation as large wants no equi
 # A DLO so deep inside, of the length, is pressed out: at first, and where it came out nowhere; in
 # so many steps at once and in all.
 _DEEP, _STUCK, _PRESSING, _PRESSED = 1e-3, 1e-4, 80, 200
+_FALLING = 200  # Newton steps in which a DLO comes to rest that touches nothing
 # How nearly a DLO is brought to rest, in how many steps, and from when on it slides there; then
 # forces are sought at once, with so many exchanges of points, which are kept after the first few.
 _ROUGH, _MOST = (1e-3, 1e-3, 1e-6, 1e-9, 1e-9), (12, 48, 100, 100, 400)
 _SLIDES, _EXCHANGES, _CHOICES = 4, 8, 3
+_STIFF = 100.0  # times the violation aimed at: what is left where a stiff part lies along a body
 _MOST_KICKS, _SAME = 10, 1e-6  # part of the unknowns: shapes that differ by less are one
 
 
@@ -136,7 +138,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
     on_a_way, flow = exact > _ON_A_WAY * length, np.array([0.0, 1.0])
     if not (seeks or on_a_way):
         done, state, residual, stability, steps, kicks, violation = _free(
-            system, q, tolerance, exact, max_iterations, check)
+            system, q, tolerance, exact, min(_FALLING, max_iterations), check)
         if done:
             return state, residual, stability, steps, kicks, system, violation
         set_reaction(hold, first)
@@ -144,6 +146,8 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
     while max_iterations > 0:
         if seeks and not on_a_way:
             reaction = reaction_of(hold, row_count(system.needs.border))
+            if attempt == len(_ROUGH):
+                exact *= _STIFF
             rests, state, residual, stability, moves, loaded, violation = _at_once(
                 there, begin, attempt == 0, tolerance, exact, check, previous)
             steps += moves
