@@ -36,7 +36,7 @@ from dlo_planner.direct.search import (
 )
 from dlo_planner.direct.shape import NO_WRENCH, Shape, State, contacts_of
 from dlo_planner.energy.ccd import sweeps_through
-from dlo_planner.energy.gap import penetration
+from dlo_planner.energy.gap import penetration, penetration_of_point
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.terms import may_act
 from dlo_planner.geometry.so3 import partway
@@ -161,21 +161,28 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: S
     if shape is None:
         shape = equilibrium(mesh, gripper, strains, past, far_end, method=how.method,
                             culled=culled, watch=watch)
-        if (newton and initial is None and far_end is not None and mesh.obstructed
-                and mesh.loaded and not (culled or shape.converged)):
-            laid = _laid_from_above(mesh, gripper, past, far_end)
-            shape = laid if laid.converged else shape
+        if (newton and initial is None and mesh.obstructed and mesh.loaded
+                and not culled and shape.violation > KEPT * mesh.s[-1]
+                and penetration_of_point(mesh.scene, np.array(gripper.position)) <= 0.0):
+            shape = _from_elsewhere(mesh, gripper, past, far_end) or shape
     return shape if clear else replace(shape, converged=False, jumped=True)
 
 
-def _laid_from_above(mesh: Discretization, gripper: Pose, memory: Memory, far_end: FarEnd) -> Shape:
-    """Return the Shape that falls onto the obstacles from where its dead loads would lift it.
+def _from_elsewhere(mesh: Discretization, gripper: Pose, memory: Memory,
+                    far_end: FarEnd | None) -> Shape | None:
+    """Return the Shape that falls onto the obstacles from above, or swings against them; or None.
 
-    Where a DLO that hangs in its grips would be inside obstacles, the way out may be above them.
+    Where a DLO is first inside obstacles the way out may be above them, where its dead loads would
+    lift it, or below, where it would hang without them.
     """
     bare = mesh.within(replace(mesh.surroundings, obstacles=()))
-    arch = step(bare.varied(pull=-bare.free.load.pull), gripper, None, StepInputs(far_end=far_end))
-    return equilibrium(mesh, arch.gripper, arch.element_strains, memory, far_end)
+    pull = bare.free.load.pull
+    for one in (bare.varied(pull=-pull), bare):
+        there = step(one, gripper, None, StepInputs(far_end=far_end))
+        shape = equilibrium(mesh, there.gripper, there.element_strains, memory, far_end)
+        if shape.converged:
+            return shape
+    return None
 
 
 def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, strains: Floats,
