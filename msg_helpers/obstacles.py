@@ -108,8 +108,10 @@ def _drawn(obstacle: Obstacle) -> tuple[int, Pose, Iterable[float], dict[str, An
             if (value := getattr(one, name)) is not None}} for pose, one in local]
         return Marker.CUBE, obstacle.pose, (max(obstacle.thickness, 1e-9), obstacle.width,
                                             obstacle.height), {'cutouts': cutouts}
-    body, *ends = obstacle.solids
-    return _MARKERS[body.kind], body.pose, body.size, {'ends': 'round'} if ends else {}
+    body, *more = obstacle.solids
+    if more and not isinstance(obstacle, Capsule):
+        raise InvalidTask(f'{obstacle!r}: expected an obstacle that is one marker')
+    return _MARKERS[body.kind], body.pose, body.size, {'ends': 'round'} if more else {}
 
 
 def _body(marker: Marker) -> Body:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple, TypeAlias
@@ -17,20 +17,12 @@ from dlo_planner.geometry.record import Record, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import (
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    Obstacle,
-    Plane,
-    Sheet,
-    Sphere,
-)
+from dlo_planner.model.obstacles import Body, Box, Obstacle, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Surface
 
-PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER, ELLIPSOID = range(7)
+KINDS = ('plane', 'sphere', 'capsule', 'box', 'sheet', 'cylinder', 'ellipsoid')
+PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER, ELLIPSOID = range(len(KINDS))
 AXIS, EDGE, FACE, NODE_FACE = range(4)
 _SMOOTH = (PLANE, SPHERE, CAPSULE, ELLIPSOID)  # edges of a section need not be rounded there
 _BY_SECTIONS = (PLANE, SPHERE, CAPSULE, BOX, SHEET)  # what its edges and faces are watched against
@@ -52,7 +44,7 @@ class Scene(Record):
     """
 
     source: Ints  # (M,) index of the obstacle that a body is (part of)
-    kind: Ints  # (M,) PLANE ... CYLINDER
+    kind: Ints  # (M,) PLANE ... ELLIPSOID
     axes: Floats  # (M, 3, 3) columns x, y, z of the obstacle's frame
     center: Floats  # (M, 3) center in m, world
     # (M, 3) half sizes along the axes, m. A sphere's or capsule's radius is the last one, a
@@ -83,13 +75,6 @@ def translated(scene, shift):
     return replaced(scene, 'origin', scene.origin + shift)
 
 
-class _Edge(NamedTuple):
-    """A straight edge of a Box: x of its pose along it, and half its length in m."""
-
-    pose: Pose
-    half: float
-
-
 class _Layer(NamedTuple):
     """A Sheet with other cut-outs, which may reach beyond it."""
 
@@ -97,17 +82,7 @@ class _Layer(NamedTuple):
     cutouts: tuple[CutOut, ...]
 
 
-_Part: TypeAlias = Obstacle | _Layer | _Edge
 _Span: TypeAlias = tuple[int, int]  # first and last node
-
-
-class _Body(NamedTuple):
-    """What `Scene` says of one part of an obstacle: kind, pose, half sizes (3,), `inner`."""
-
-    kind: int
-    pose: Pose
-    size: ArrayLike
-    inner: float = 0.0
 
 
 class _Feature(NamedTuple):
@@ -131,16 +106,15 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
     rows: list[tuple[Any, ...]] = []
     holes: list[tuple[int, Floats, Floats, Floats]] = []
     for source, obstacle in enumerate(obstacles):
-        for part in _parts(obstacle, surface.half is not None):
-            body = _body(part)
-            if surface.half is not None and body.kind not in _BY_SECTIONS:
+        for body, cutouts in _bodies(obstacle, surface.half is not None):
+            kind = KINDS.index(body.kind)
+            if surface.half is not None and kind not in _BY_SECTIONS:
                 raise InvalidTask(f'{obstacle!r}: expected a DLO with a round section, of a '
                                   'rectangular one the faces are not watched there; a Capsule or '
                                   'a Box is possible')
-            for feature in _features(body, surface, rims, sharp):
-                if isinstance(part, _Layer):
-                    holes += [(len(rows), *_hole(body.pose, cutout)) for cutout in part.cutouts]
-                rows.append((source, body.kind, body.pose.rotation, body.pose.position, body.size,
+            for feature in _features(kind, body, surface, rims, sharp):
+                holes += [(len(rows), *_hole(body.pose, cutout)) for cutout in cutouts]
+                rows.append((source, kind, body.pose.rotation, body.pose.position, body.size,
                              obstacle.friction, *feature, body.inner))
 
     def column(index: int, *shape: int, dtype: type = float) -> Any:
@@ -156,58 +130,36 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
                  np.zeros((0, 2)) if s is None else surface.radii(np.asarray(s)), column(10))
 
 
-def _parts(obstacle: Obstacle, edged: bool) -> Sequence[_Part]:
-    """Return what an obstacle consists of; straight edges, too, if the DLO is `edged` itself."""
+def _bodies(obstacle: Obstacle, edged: bool) -> Iterator[tuple[Body, tuple[CutOut, ...]]]:
+    """Yield the bodies that stand for an obstacle, with their cut-outs; `edged`: so is the DLO."""
     if isinstance(obstacle, Sheet):
-        return [part for layer in _layers(obstacle) for part in _slotted(layer)]
+        for layer in _layers(obstacle):
+            for sheet, cutouts in _slotted(layer):
+                size = (0.5 * sheet.thickness, 0.5 * sheet.width, 0.5 * sheet.height)
+                yield Body('sheet', sheet.pose, size), cutouts
+        return
+    for body in obstacle.bodies:
+        yield body, ()
     if isinstance(obstacle, Box) and edged:
-        return [obstacle, *_edges(obstacle)]
-    return [obstacle]
+        for edge in _edges(obstacle):
+            yield edge, ()
 
 
-def _edges(box: Box) -> Iterator[_Edge]:
+def _edges(box: Box) -> Iterator[Body]:
     """Yield the 12 edges of a Box."""
     for axis in range(3):
         second, third = (axis + 1) % 3, (axis + 2) % 3
         turned = box.pose.rotation[:, [axis, second, third]]
         for one, other in product((-0.5, 0.5), repeat=2):
             away = (one * box.size[second] * turned[:, 1] + other * box.size[third] * turned[:, 2])
-            yield _Edge(Pose.from_rotation(box.pose.position + away, turned),
-                        0.5 * box.size[axis])
+            yield Body('capsule', Pose.from_rotation(box.pose.position + away, turned),
+                       (0.5 * box.size[axis], 0, 0))
 
 
-def _body(part: _Part) -> _Body:
-    """Return the body that stands for one of `_parts`."""
-    if isinstance(part, Plane):
-        return _Body(PLANE, Pose.looking_along(part.point, part.normal), (0, 0, 0))
-    if isinstance(part, Sphere):
-        return _Body(SPHERE, Pose(part.center, (0, 0, 0, 1)), (0, 0, part.radius), part.radius)
-    if isinstance(part, Capsule | Cylinder):
-        along = part.end - part.start
-        pose = Pose.looking_along(0.5 * (part.start + part.end), along)
-        half = float(0.5 * np.linalg.norm(along))
-        if isinstance(part, Capsule):
-            return _Body(CAPSULE, pose, (half, 0, part.radius), part.radius)
-        return _Body(CYLINDER, pose, (half, part.radius, 0), min(half, part.radius))
-    if isinstance(part, Box):
-        return _Body(BOX, part.pose, 0.5 * part.size, 0.5 * part.size.min())
-    if isinstance(part, Ellipsoid):
-        # within the radius of its sharpest bend there is one way out
-        inner = float(part.half_axes.min() ** 2 / part.half_axes.max())
-        return _Body(ELLIPSOID, part.pose, part.half_axes, inner)
-    if isinstance(part, _Layer):
-        sheet = part.sheet
-        return _Body(SHEET, sheet.pose, 0.5 * np.array([sheet.thickness, sheet.width,
-                                                        sheet.height]))
-    if isinstance(part, _Edge):
-        return _Body(CAPSULE, part.pose, (part.half, 0, 0))
-    raise TypeError(f'{part!r}: no body stands for it')
-
-
-def _features(body: _Body, surface: Surface, rims: Iterable[tuple[float, _Span]],
+def _features(kind: int, body: Body, surface: Surface, rims: Iterable[tuple[float, _Span]],
               sharp: bool) -> list[_Feature]:
     """Return the features of a DLO's surface that may touch a body; rims: of `Surface.rims`."""
-    smooth = body.kind in _SMOOTH
+    smooth = kind in _SMOOTH
     if surface.half is None:
         features = [_Feature(AXIS, (0.0, 0.0), 0.0, _ALL)]
         for radius, span in rims:
@@ -221,7 +173,7 @@ def _features(body: _Body, surface: Surface, rims: Iterable[tuple[float, _Span]]
         rounding = 0.0
     edges = [_Feature(EDGE, signs * (half - rounding), rounding, _ALL)
              for signs in map(np.array, product((-1, 1), repeat=2))]
-    if body.kind in (SPHERE, CAPSULE):
+    if kind in (SPHERE, CAPSULE):
         return edges + faces if np.asarray(body.size)[2] > 0 else faces
     return edges
 

@@ -44,6 +44,22 @@ def ball(center: Floats, radius: float) -> Solid:
 
 
 # ------------------------------------------------------------------------------------------------
+# What kernels know obstacles by.
+
+
+class Body(NamedTuple):
+    """A convex body, or a sheet: how `energy.scene` computes its distance, and of what.
+
+    Convex, because the plane at its nearest point is taken as a bound of all of it.
+    """
+
+    kind: str  # one of `energy.scene.KINDS`
+    pose: Pose  # pose of its center
+    size: ArrayLike  # (3,) half sizes along the axes of the pose, or as its kind takes them, m
+    inner: float = 0.0  # how deep in it a point still knows its way out, m
+
+
+# ------------------------------------------------------------------------------------------------
 # What a DLO may touch: plane, sphere, capsule, cylinder, box, ellipsoid, sheet with cut-outs.
 
 
@@ -78,6 +94,11 @@ class Plane(Value):
             normal=direction('Plane.normal', self.normal), friction=_friction(self))
         super().__post_init__()
 
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """What it is for kernels."""
+        return (Body('plane', Pose.looking_along(self.point, self.normal), (0, 0, 0)),)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sphere(Value):
@@ -104,6 +125,11 @@ class Sphere(Value):
         put(self, center=vector('Sphere.center', self.center, 3),
             radius=number('Sphere.radius', self.radius, above=0), friction=_friction(self))
         super().__post_init__()
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """What it is for kernels."""
+        return (Body('sphere', Pose(self.center, (0, 0, 0, 1)), (0, 0, self.radius), self.radius),)
 
     @property
     def solids(self) -> tuple[Solid, ...]:
@@ -137,6 +163,13 @@ class _Bar(Value):
         super().__post_init__()
 
     @property
+    def _line(self) -> tuple[Pose, float]:
+        """Pose of its center, x along it, and half its length in m."""
+        along = self.end - self.start
+        return (Pose.looking_along(0.5 * (self.start + self.end), along),
+                float(0.5 * np.linalg.norm(along)))
+
+    @property
     def solids(self) -> tuple[Solid, ...]:
         """What it looks like."""
         return (bar(self.start, self.end, self.radius),)
@@ -158,6 +191,12 @@ class Capsule(_Bar):
     """
 
     @property
+    def bodies(self) -> tuple[Body, ...]:
+        """What it is for kernels."""
+        pose, half = self._line
+        return (Body('capsule', pose, (half, 0, self.radius), self.radius),)
+
+    @property
     def solids(self) -> tuple[Solid, ...]:
         """What it looks like."""
         return (*super().solids, ball(self.start, self.radius), ball(self.end, self.radius))
@@ -177,6 +216,12 @@ class Cylinder(_Bar):
     friction : float
         Coulomb's coefficient, >= 0.
     """
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """What it is for kernels."""
+        pose, half = self._line
+        return (Body('cylinder', pose, (half, self.radius, 0), min(half, self.radius)),)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -204,6 +249,11 @@ class Box(Value):
         instance('Box.pose', self.pose, Pose)
         put(self, size=_lengths('Box.size', self.size), friction=_friction(self))
         super().__post_init__()
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """What it is for kernels."""
+        return (Body('box', self.pose, 0.5 * self.size, 0.5 * self.size.min()),)
 
     @property
     def solids(self) -> tuple[Solid, ...]:
@@ -237,6 +287,13 @@ class Ellipsoid(Value):
         put(self, half_axes=_lengths('Ellipsoid.half_axes', self.half_axes),
             friction=_friction(self))
         super().__post_init__()
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """What it is for kernels."""
+        # within the radius of its sharpest bend there is one way out
+        inner = float(self.half_axes.min() ** 2 / self.half_axes.max())
+        return (Body('ellipsoid', self.pose, self.half_axes, inner),)
 
     @property
     def solids(self) -> tuple[Solid, ...]:

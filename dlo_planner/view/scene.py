@@ -4,6 +4,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -153,8 +154,9 @@ def margin_primitives(plan: Plan, cutouts: Iterable[CutOut]) -> list[Primitive]:
 
 
 def obstacle_primitives(obstacles: Iterable[Obstacle]) -> list[Primitive]:
-    """Return obstacles half transparent, 'obstacle' k; the round ends of a Capsule are 'cap's."""
-    drawn = []
+    """Return obstacles half transparent, 'obstacle' k; its further solids are 'cap's."""
+    drawn: list[Primitive] = []
+    caps = count()  # no two of one group have the same number: markers would replace each other
     for index, obstacle in enumerate(items('obstacles', obstacles, OBSTACLES)):
         if isinstance(obstacle, Plane):
             drawn.append(_pane('obstacle', index, rectangle(_WIDE, _WIDE),
@@ -170,7 +172,7 @@ def obstacle_primitives(obstacles: Iterable[Obstacle]) -> list[Primitive]:
         else:
             body, *ends = obstacle.solids
             drawn += [_solid('obstacle', index, body),
-                      *(_solid('cap', 2 * index + k, end) for k, end in enumerate(ends))]
+                      *(_solid('cap', next(caps), end) for end in ends)]
     return drawn
 
 

@@ -18,7 +18,9 @@ from dlo_planner import (
     Sheet,
     Sphere,
 )
-from dlo_planner.energy.scene import build_scene, signed_distance
+from dlo_planner.energy import scene as scenes
+from dlo_planner.energy.scene import KINDS, SHEET, build_scene, signed_distance
+from dlo_planner.model import obstacles
 from dlo_planner.model.rod import Surface
 
 POSE = Pose((0.1, -0.2, 0.3), (0.2, -0.1, 0.4, 0.8))
@@ -63,6 +65,22 @@ def test_derivatives_against_differences(index, rng):
         np.testing.assert_allclose(normal, slope, atol=1e-6)
         curved = np.column_stack([(a[1] - b[1]) / (2 * step) for a, b in near])
         np.testing.assert_allclose(bend, curved, atol=2e-4 * max(1, np.abs(bend).max()))
+
+
+def test_each_kind_is_tried_and_has_its_number():
+    assert {type(one) for one in OBSTACLES} == set(obstacles.OBSTACLES), 'OBSTACLES of this file'
+    assert set(SCENE.kind) == set(range(len(KINDS)))
+    assert [getattr(scenes, kind.upper()) for kind in KINDS] == list(range(len(KINDS)))
+
+
+@pytest.mark.parametrize('body', np.flatnonzero(SCENE.kind != SHEET))  # has rules of its own
+def test_a_body_is_convex(body, rng):
+    # contacts, passages and the workspace take the plane at its nearest point as a bound of all
+    def away(x):
+        return signed_distance(SCENE, body, x, np.empty(3), np.empty((3, 3)))
+
+    for a, b in zip(points(rng), points(rng), strict=True):
+        assert away(0.5 * (a + b)) <= 0.5 * (away(a) + away(b)) + 1e-12
 
 
 def inside_sheet(x, thickness, holes):

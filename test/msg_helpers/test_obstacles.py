@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
+from specimens import values
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner import (
@@ -19,6 +20,7 @@ from dlo_planner import (
     Sheet,
     Sphere,
 )
+from dlo_planner.model.obstacles import OBSTACLES, ball
 from msg_helpers.obstacles import Body, obstacles_after, obstacles_msg
 
 TURNED = Pose((0.1, -0.2, 0.3), (0.1, -0.2, 0.3, 0.9))
@@ -52,12 +54,28 @@ def numbers(obstacle):
 
 
 def test_each_obstacle_is_there_and_back_as_it_is():
+    for kind in set(OBSTACLES) - {type(one) for one in ALL}:  # what is no marker is no other body
+        with pytest.raises(InvalidTask, match='one marker'):
+            shown([values()[kind.__name__]])
     back = [body.obstacle for body in after(shown()).values()]
     assert [type(one) for one in back] == [type(one) for one in ALL]
     for one, other in zip(back, ALL, strict=True):
         np.testing.assert_allclose(numbers(one), numbers(other), atol=1e-9)
     rubbing = after(shown(friction=0.7)).values()
     assert [body.obstacle.friction for body in rubbing] == [0.7] * len(ALL)
+
+
+class Row(Sphere):
+    """What is drawn by two bodies."""
+
+    @property
+    def solids(self):
+        return (*super().solids, ball(self.center + 1, self.radius))
+
+
+def test_what_is_no_marker_is_refused_and_not_another_body():
+    with pytest.raises(InvalidTask, match='Row.*one marker'):
+        shown([Row((0, 0, 0), 0.5)])
 
 
 def test_a_plain_cylinder_is_one_with_flat_ends():

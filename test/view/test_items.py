@@ -21,6 +21,7 @@ from dlo_planner import (
     Sheet,
     Sphere,
 )
+from dlo_planner.model.obstacles import ball
 from dlo_planner.view.colors import ALERT
 from dlo_planner.view.primitives import KINDS
 from dlo_planner.view.scene import (
@@ -118,6 +119,19 @@ def test_estimates_show_what_was_seen(plan):
     assert seen.kind == 'points' and len(seen.points) == 5
     with pytest.raises(InvalidTask, match='points'):
         estimate_primitives(shape, [(0, 0, np.nan)])
+
+
+class Row(Sphere):
+    """What is drawn by five bodies."""
+
+    @property
+    def solids(self):
+        return tuple(ball(self.center + [k, 0, 0], self.radius) for k in range(5))
+
+
+def test_no_solid_takes_the_place_of_another():
+    names = [(one.group, one.index) for one in obstacle_primitives([Row((0, 0, 0), 0.5)] * 3)]
+    assert len(set(names)) == len(names) == 15
 
 
 def test_obstacles_are_where_they_are():
