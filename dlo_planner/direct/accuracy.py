@@ -328,7 +328,7 @@ def foreseen(shape: Shape, accuracy: float,
     wanted = min(max(ceil(sqrt(one / (_AIM * accuracy))), ceil(_FINER * elements)), most)
     breaks = around.breaks
     points = [s for s, _ in known.rod.point_masses]
-    points += [one.s for one in around.dead_loads if one.s is not None]
+    points += around.load_places
     if points:
         breaks = np.union1d(breaks, points)
         breaks = breaks[(breaks > 0) & (breaks < known.s[-1])]

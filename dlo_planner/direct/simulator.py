@@ -48,7 +48,7 @@ from dlo_planner.model.checks import choice, instance, integer, number, shown
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.supports import STANDARD_GRAVITY, FarEnd, PointLoad, Surroundings
+from dlo_planner.model.supports import STANDARD_GRAVITY, AnyLoad, FarEnd, Surroundings
 from dlo_planner.model.value import Value, brief, figures, put, same
 from dlo_planner.model.varying import stepwise
 from dlo_planner.progress import INTERRUPT, OnProgress, Progress, interrupted_by
@@ -133,7 +133,7 @@ class DirectSimulator(Value):
                  basis: str | None = None, method: str = 'newton', strains: str = 'components',
                  accuracy: float | None = None, gravity: ArrayLike = STANDARD_GRAVITY,
                  load: ArrayLike | Callable[[float], ArrayLike] | None = None,
-                 obstacles: Iterable[Obstacle] = (), point_loads: Iterable[PointLoad] = (),
+                 obstacles: Iterable[Obstacle] = (), point_loads: Iterable[AnyLoad] = (),
                  grip: str = 'clamped') -> None:
         given: Any = {'gravity': gravity, 'load': load, 'obstacles': obstacles,
                       'point_loads': point_loads}  # judged there

@@ -64,10 +64,6 @@ from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 
-# The Python side: `needs` and `hinged` of those that have them.
-TERMS = {'elastic': elastic, 'plastic': plastic, 'load': loads, 'anchor': inertia, 'hold': grip,
-         'contact': contact}
-
 
 class Terms(Record):
     """What acts on a DLO: of each term its Record, or None."""
@@ -78,6 +74,11 @@ class Terms(Record):
     anchor: Any  # Anchor or None
     hold: Any  # Hold or None
     contact: Any  # Contact or None
+
+
+# The Python side: `needs`, `hinged` and `made` of those that have them.
+TERMS = {'elastic': elastic, 'plastic': plastic, 'load': loads, 'anchor': inertia, 'hold': grip,
+         'contact': contact}
 
 
 def free_terms(pull: Floats) -> Terms:
@@ -151,7 +152,8 @@ def stored(effects, system, strains):
 @kernel
 def potential(effects, system, positions):
     """Return the potential in J of what acts at positions (N + 1, 3), world, m."""
-    return load_potential(effects.load, system, positions)
+    energy = load_potential(effects.load, system, positions)
+    return energy
 
 
 def hinged(effects: Terms, part: float) -> Terms:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import sqrt
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -150,8 +150,10 @@ class PointLoad(Value):
 
 
 # What `point_loads` may hold. Of any other kind than PointLoad the term of the potential makes what
-# it needs (`made`, see `energy.terms`): it is no dead load.
-LOADS: tuple[type, ...] = (PointLoad,)
+# it needs (`made`, see `energy.terms`): it is no dead load. One that acts at a place of the DLO has
+# a field `s`, as a PointLoad has; meshes have a node there.
+AnyLoad: TypeAlias = PointLoad
+LOADS: tuple[type, ...] = get_args(AnyLoad) or (AnyLoad,)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -171,7 +173,7 @@ class Surroundings(Value):
     gravity: Floats  # (3,) m/s^2
     load: Floats | Callable[[float], ArrayLike] | None = None  # N/m, besides the weight
     obstacles: tuple[Obstacle, ...] = ()
-    point_loads: tuple[PointLoad, ...] = ()
+    point_loads: tuple[AnyLoad, ...] = ()
     grip: str = 'clamped'  # one of GRIPPERS: how the gripper holds the DLO's beginning
 
     def __post_init__(self) -> None:
@@ -180,10 +182,11 @@ class Surroundings(Value):
         put(self, gravity=vector('gravity', self.gravity, 3),
             obstacles=items('obstacles', self.obstacles, OBSTACLES),
             point_loads=items('point_loads', self.point_loads, LOADS))
-        for one in self.dead_loads:
-            if one.s is not None and one.s > self.rod.length:
-                raise InvalidTask(f'PointLoad.s = {one.s:g}: expected a place on the DLO, at most '
-                                  f'{self.rod.length:g} m')
+        for one in self.point_loads:
+            s = _place(one)
+            if s is not None and s > self.rod.length:
+                raise InvalidTask(f'{type(one).__name__}.s = {s:g}: expected a place on the DLO, '
+                                  f'at most {self.rod.length:g} m')
         if self.pinned and self.rod.yields:
             raise InvalidTask('grip = \'pinned\': expected \'clamped\' where the rod yields')
         if self.pinned and self.has_moments:
@@ -198,25 +201,29 @@ class Surroundings(Value):
     def of_rod(self, rod: Rod) -> Self:
         """Return the same about another Rod (as long or not).
 
-        PointLoads in the last twentieth of this one that would be beyond the other's end, or are at
+        Loads in the last twentieth of this one that would be beyond the other's end, or are at
         this one's, are at the other's.
         """
         instance('rod', rod, Rod)
         old, new = self.rod.length, rod.length
         end = max(min(old, new), (1 - _NEAR) * old)
-        dead = [one if one.s is None or one.s < end else replace(one, s=new)
-                for one in self.dead_loads]
-        return replace(self, rod=rod, point_loads=(*dead, *self.other_loads))
+        loads = [one if (s := _place(one)) is None or s < end else replace(one, s=new)
+                 for one in self.point_loads]
+        return replace(self, rod=rod, point_loads=tuple(loads))
 
     def part(self, at: float, direction: int) -> Self:
         """Return the same about the part from `at` (m) to one end: direction 1 to L, -1 to 0."""
-        places = [(self.rod.length if one.s is None else one.s, one) for one in self.dead_loads]
-        dead = [replace(one, s=abs(s - at)) for s, one in places
-                if (s - at) * direction > 0 or s == at and direction > 0]
+        loads = []
+        for one in self.point_loads:
+            s = _place(one, self.rod.length)
+            if s is None:
+                loads.append(one)
+            elif (s - at) * direction > 0 or s == at and direction > 0:
+                loads.append(replace(one, s=abs(s - at)))
         load = self.load
         return replace(self, rod=part_of_rod(self.rod, at, direction),
                        load=Mapped(load, 1.0, at, direction) if callable(load) else load,
-                       point_loads=(*dead, *self.other_loads))
+                       point_loads=tuple(loads))
 
     @property
     def dead_loads(self) -> tuple[PointLoad, ...]:
@@ -228,6 +235,11 @@ class Surroundings(Value):
         """The loads of other kinds."""
         return tuple(one for one in self.point_loads if not isinstance(one, PointLoad))
 
+    @property
+    def load_places(self) -> list[float]:
+        """Arc lengths in m at which loads act that are not for the tip."""
+        return [s for one in self.point_loads if (s := _place(one)) is not None]
+
     @cached_property
     def load_profile(self) -> Profile:
         """Profile of a load that varies along the DLO."""
@@ -238,8 +250,7 @@ class Surroundings(Value):
     @cached_property
     def breaks(self) -> Floats:
         """(n,) arc lengths inside the DLO at which what acts on it, or it itself, jumps, m."""
-        places = [one.s for one in self.dead_loads
-                  if one.s is not None and 0 < one.s < self.rod.length]
+        places = [s for s in self.load_places if 0 < s < self.rod.length]
         if callable(self.load):
             places.extend(self.load_profile.breaks)
         return np.union1d(self.rod.breaks, places)
@@ -261,3 +272,9 @@ class Surroundings(Value):
     def pinned(self) -> bool:
         """Whether the DLO's beginning may turn in the gripper."""
         return self.grip == 'pinned'
+
+
+def _place(load: Any, tip: float | None = None) -> float | None:
+    """Return the arc length of the place where a load acts, `tip` for the tip, None for none."""
+    s: float | None = getattr(load, 's', None)
+    return tip if s is None and hasattr(load, 's') else s

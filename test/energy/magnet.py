@@ -43,11 +43,14 @@ class Magnet(Record):
 
 
 def made(surroundings: Surroundings, s: Floats) -> Magnet | None:
-    """Return what a Pole among the loads of a simulator attracts: the DLO's last node."""
+    """Return what a Pole among the loads of a simulator attracts: the node at its `s`, or the tip.
+
+    Meshes have a node where a load has its `s`.
+    """
     weight = np.zeros(s.size)
     for one in surroundings.other_loads:
         if isinstance(one, Pole):
-            weight[-1] = one.weight
+            weight[-1 if one.s is None else np.abs(s - one.s).argmin()] = one.weight
             return Magnet(one.place, one.size, weight)
     return None
 

@@ -21,17 +21,19 @@ HOME = 'dlo_planner.energy'
 LENGTH, BENDING, SIZE = 0.8, 0.7, 0.2
 
 # Of files in the package: a line that is there, and what is written behind it.
-LOAD = [('LOADS: tuple[type, ...] = (PointLoad,', ' Pole'),
+LOAD = [('AnyLoad: TypeAlias = PointLoad', ' | Pole'),
         ("put(self, s=number('PointLoad.s', self.s, minimum=0))\n        super().__post_init__()\n",
          """
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pole(Value):
-    \"\"\"A pole that attracts the tip: place (3,), m, its own size, m, and the weight, J m.\"\"\"
+    \"\"\"A pole that attracts a place of the DLO, s (m) or the tip: its own place (3,), m,
+    the weight, J m, and its size, m.\"\"\"
 
     place: Floats
     weight: float
     size: float = 0.0
+    s: float | None = None
 
     def __post_init__(self) -> None:
         put(self, place=vector('Pole.place', self.place, 3),
@@ -43,19 +45,20 @@ LINES = [
      f'from {HOME} import magnet\n'
      f'from {HOME}.magnet import add_forces as magnet_forces\n'
      f'from {HOME}.magnet import potential as magnet_potential\n'),
-    ("'contact': contact", ", 'magnet': magnet"),
-    ('    contact: Any  # Contact or None\n', '    magnet: Any  # Magnet or None\n'),
+    ('    elastic: Elastic\n', '    magnet: Any  # Magnet or None\n'),
+    ("TERMS = {'elastic': elastic,", " 'magnet': magnet,"),
     ('    energy, size = elastic_forces(effects.elastic, system, state)\n',
      '    more, terms = magnet_forces(effects.magnet, system, state)\n'
      '    energy, size = energy + more, size + terms\n'),
-    ('    return load_potential(effects.load, system, positions)',
-     ' + magnet_potential(effects.magnet, system, positions)'),
+    ('    energy = load_potential(effects.load, system, positions)\n',
+     '    energy += magnet_potential(effects.magnet, system, positions)\n'),
 ]
 
 SCRIPT = f'''
 import json
 import numpy as np
-from dlo_planner import CutOut, DirectSimulator, InvalidTask, InverseSimulator, Pose, Rod
+from dlo_planner import (CutOut, DirectSimulator, InvalidTask, InverseSimulator, PointLoad, Pose,
+                         Rod)
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.model.supports import Pole, Surroundings
 from dlo_planner.energy.magnet import Magnet
@@ -90,6 +93,21 @@ user = DirectSimulator(Rod({LENGTH}, 0.01, {BENDING}, 0.4), gravity=(0, 0, 0), b
 shape = user.solve(Pose.identity())
 moved = user.solve(Pose((0, 0, 0.1), (0, 0, 0, 1)), shape)
 told = {{'refused': []}}
+pole = Pole((0.1, 0.0, 0.3), 1.0, s=0.333)
+for basis in ('local', 'chebyshev'):
+    nodes = DirectSimulator(user.rod, basis=basis, n_elements=10, point_loads=[pole]).mesh.s
+    assert np.abs(nodes - 0.333).min() < 1e-12, nodes
+around = Surroundings(user.rod, np.zeros(3), point_loads=[PointLoad(s=0.1), pole])
+told['parts'] = [[(type(one).__name__, one.s) for one in around.part(at, direction).point_loads]
+                 for at, direction in ((0.2, 1), (0.2, -1), (0.5, -1))]
+told['shorter'] = around.load_places
+for length in (0.34, 0.33):
+    around = around.of_rod(Rod(length, 0.01, {BENDING}, 0.4))
+    told['shorter'] += around.load_places
+try:
+    Surroundings(Rod(0.3, 0.01, {BENDING}, 0.4), np.zeros(3), point_loads=[pole])
+except InvalidTask as error:
+    told['beyond'] = str(error)
 for place in (lambda: shape.moved((0, 0, 0.1)),
               lambda: InverseSimulator(user).thread(CutOut(Pose.identity()), depths=[0, 0.1])):
     try:
@@ -160,6 +178,15 @@ def test_users_give_it_as_a_load(told):
     solved, tip, moved, modes = told['user']
     assert solved and moved and modes == 2
     np.testing.assert_allclose(tip, told['far'][3], atol=1e-9)
+
+
+def test_a_load_with_a_place_has_a_node_there_and_stays_at_it(told):
+    # (that there is a node is asserted where the script runs)
+    after, before, all_before = told['parts']
+    assert after == [['Pole', pytest.approx(0.133)]] and before == [['PointLoad', 0.1]]
+    assert all_before == [['PointLoad', 0.4], ['Pole', pytest.approx(0.167)]]
+    assert told['shorter'] == [0.1, 0.333, 0.1, 0.333, 0.1, 0.33]  # the end takes it along
+    assert told['beyond'].startswith('Pole.s = 0.333: expected a place on the DLO')
 
 
 def test_a_shape_in_it_is_not_carried_to_another_place(told):
