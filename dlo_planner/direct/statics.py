@@ -247,6 +247,7 @@ _TURN, _SHIFT = 0.3, 0.08  # rad, part of the length: how far a grip goes in one
 _FINER = 4   # times the parts of a way that is not found in larger ones
 _FINEST = 3  # times they are made smaller
 _RELAXING = Search(12, False, 1e-5)  # between two parts of a motion
+_AGAIN = 8            # times that what is not out of obstacles yet is sought again there
 _SMALLEST = 2.0**-14  # part of the motion: what cannot be moved by it is blocked
 _MORE_PARTS = 1000    # than the longest would need: what takes more of them has got stuck
 _SOFT = 0.1           # of the bending stiffness: torsion below it is soft
@@ -438,6 +439,10 @@ def _advance_in_parts(mesh: Discretization, strains: Floats, begin: Grips, goal:
         if done == 1.0:
             break  # what is left is the step itself
         found = minimum(mesh, system, where, new.q, memory, _RELAXING)
+        for _ in range(_AGAIN):  # what stays behind is deeper in an obstacle in the next part
+            if found.violation <= _DEPTH * mesh.s[-1]:
+                break
+            found = minimum(mesh, system, where, found.state.q, memory, _RELAXING)
         strains = found.state.strains
         if mesh.surroundings.pinned:  # it has turned
             where, first, last = (Pose.from_rotation(pose.position, found.system.base)

@@ -64,7 +64,7 @@ COARSER = 10.0  # times the tolerance: the rounding errors of contact forces lea
 _ON_A_WAY = 1e-7  # of the length: who allows a violation as large wants no equilibrium
 # A DLO so deep inside, of the length, is pressed out: at first, and where it came out nowhere; in
 # so many steps at once and in all.
-_DEEP, _STUCK, _PRESSING, _PRESSED = 1e-3, 1e-4, 80, 200
+_DEEP, _STUCK, _PRESSING, _PRESSED = 1e-3, 1e-4, 16, 200
 _FALLING = 200  # Newton steps in which a DLO comes to rest that touches nothing
 # How nearly a DLO is brought to rest, in how many steps, and from when on it slides there; then
 # forces are sought at once, with so many exchanges of points, which are kept after the first few.

@@ -42,7 +42,7 @@ def test_pressed_into_a_corner_it_bears_on_both_edges(thickness, signs, turned):
 
 
 @pytest.mark.parametrize('holes', [1, 2, 3])
-def test_foils_with_slots_are_together_the_sheet(holes):
+def test_layers_with_slots_are_together_the_sheet(holes):
     rng = np.random.default_rng(holes)
     cutouts = [CutOut(Pose((0, y, 0.02 * y), (np.sin(a), 0, 0, np.cos(a))), width=0.1, height=0.06)
                for y, a in zip((-0.3, 0.0, 0.3)[:holes], (0.0, 0.3, 0.6), strict=False)]
