@@ -69,6 +69,7 @@ _GRACE = 3           # first steps, in which it may do so
 _LONG = 6            # steps after which contacts that still change may go round in circles
 _PATIENCE = 8        # steps in vain with friction: a change of its direction raises the error first
 _CROSSES = 0.9       # of the DLO's radius: its axis is so deep in what it crosses
+_APART = 2.0        # times how far a node is from the next: with a larger gap it counts by that one
 _AROUND = 4.0       # times the largest gap of what bears: nodes beside it may bear as well
 
 
@@ -482,11 +483,16 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
                 push = _TINY * NEGLIGIBLE * k * abs(gap)
             contacts.multiplier[c] = _pushing(push, k * gap)
     for o in range(scene.kind.size):
+        away = np.inf  # from the last node that counts
         for node in range(force.shape[1]):
+            away += lengths[max(node - 1, 0)]
             if everywhere and _is_halfway(scene, o, node, yielded[o, node] / k):
                 force[o, node] = 0.0
-            elif everywhere and force[o, node] == 0.0 and yielded[o, node] < k * near:
+            elif everywhere and force[o, node] == 0.0 and yielded[o, node] < k * min(
+                    near, _APART * away):
                 force[o, node] = _TINY * NEGLIGIBLE * abs(yielded[o, node])
+            if force[o, node] > 0.0:
+                away = 0.0
             contacts.node[o, node] = _pushing(force[o, node], yielded[o, node])
     loaded = with_contacts(system, with_springs(contacts, k, contacts.node, contacts.multiplier),
                            scene)
