@@ -26,9 +26,12 @@ from dlo_planner.model.rod import Surface
 _OUTSIDE = 1e-6     # of the length: nothing is inside yet
 _ELEMENTS = 32
 _GRADED = 1.5       # power of the places of nodes: they are closest at the mouth
-_WALL = 1e-3        # of the room: how far walls give way
+# Nodes would go to and fro between the sides of a stiff wall: walls begin soft, of the beam's
+# largest stiffness, and are made stiffer from balance to balance.
+_SOFT = 1e-6
+_WALL = 1e-5        # of the room: how far walls give way
 _STIFFER = 10.0     # times: walls that give way more are made so
-_WALLS, _STEPS = 12, 60  # of such walls, of Newton steps
+_WALLS, _STEPS = 18, 60  # of such walls, of Newton steps
 _SAME = 1e-9        # of the energy's slope
 _ROUNDS, _CLOSE = 60, 1e-3  # of the fixed point; relative
 _BOLD = 10          # rounds of it without damping
@@ -158,7 +161,7 @@ class _Beam:
     def walls(self, force: Floats) -> Floats | None:
         """Return the forces (N + 1,) of the walls under a push (N + 1,), N; None: not found."""
         matrix, slope = self._pushed(force)
-        self._wall = self._wall or np.abs(np.diag(matrix)).max()
+        self._wall = self._wall or _SOFT * np.abs(np.diag(matrix)).max()
         for _ in range(_WALLS):
             deep = self._balanced(matrix, slope)
             if deep is None or deep.max() <= _WALL * self._room.max():
