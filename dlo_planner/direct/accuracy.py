@@ -399,7 +399,10 @@ def resampled_means(s: Floats, values: Floats, nodes: Floats) -> Floats:
     length.
     """
     total = np.vstack([np.zeros(3), np.cumsum(np.diff(s)[:, None] * values, axis=0)])
-    integral = scipy.interpolate.make_interp_spline(s, total, min(5, s.size - 1))
+    degree = min(5, s.size - 1)
+    # one polynomial: knots are given, as old versions of SciPy find none of an even degree
+    knots = np.repeat(s[[0, -1]], degree + 1) if degree == s.size - 1 else None
+    integral = scipy.interpolate.make_interp_spline(s, total, degree, knots)
     means: Floats = np.diff(integral(nodes), axis=0) / np.diff(nodes)[:, None]
     return means
 

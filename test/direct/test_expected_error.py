@@ -77,7 +77,7 @@ def test_a_saddle_has_none():
                    np.array([0, 0, 5 * 9.81]))[0] == np.inf
 
 
-@pytest.mark.parametrize('count', [3, 5, 24])
+@pytest.mark.parametrize('count', [1, 3, 5, 24])
 def test_means_of_polynomials_are_exact(count, rng):
     s, nodes = (np.sort(np.append(rng.uniform(0.01, 1.99, n), [0.0, 2.0])) for n in (count, 60))
     wave = np.polynomial.Polynomial(rng.normal(size=min(5, count)))

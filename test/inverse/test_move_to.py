@@ -49,11 +49,11 @@ def between_two_grips(rod, gripper, end, guess):
         return np.vstack([tangent.T, rate.T, -np.cross(tangent, inside).T])
 
     def ends(first, last, force):
-        there = Rotation.from_quat(last[3:7]) * Rotation.from_matrix(end.rotation).inv()
+        there = Rotation.from_quat(last[3:7]) * Rotation.from_quat(end.quaternion).inv()
         return np.concatenate([first[:3] - gripper.position, first[3:7] - gripper.quaternion,
                                last[:3] - end.position, there.as_rotvec()])
 
-    turns = Rotation.from_matrix(guess.frames).as_quat()
+    turns = Rotation.from_matrix(np.array(guess.frames)).as_quat()
     for k in range(len(turns)):
         turns[k] *= np.sign(turns[k] @ (turns[k - 1] if k else gripper.quaternion))
     strains = np.vstack([guess.element_strains, guess.element_strains[-1:]])

@@ -104,8 +104,8 @@ def test_a_dlo_that_is_bent_a_little_begins_nearest_to_its_centers_and_is_not_ro
     missed = [np.linalg.norm(shape.positions_at(np.linspace(0.9, 1, 1001)) - holes[0].center,
                              axis=1).min() for shape in on_the_way]
     assert max(missed) < plan.position_error[:2].max() + 2e-4
-    turns = [(Rotation.from_matrix(one.rotation).inv() * Rotation.from_matrix(
-        other.rotation)).as_rotvec()[0] for one, other in itertools.pairwise(plan.grippers)]
+    turns = [Rotation.from_matrix(one.rotation.T @ other.rotation).as_rotvec()[0]
+             for one, other in itertools.pairwise(plan.grippers)]
     assert abs(sum(turns)) < 0.1
 
 
