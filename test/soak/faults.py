@@ -40,8 +40,9 @@ class Driver:
 
     def put(self, pose):
         numbers = map(str, (*pose.position, *pose.quaternion))
-        self.process = subprocess.Popen([sys.executable, '-c', DRIVER, self._planner, *numbers],
-                                        cwd=ROOT)
+        self.process = subprocess.Popen(  # `follower` is found where this process finds it
+            [sys.executable, '-c', DRIVER, self._planner, *numbers], cwd=ROOT,
+            env=os.environ | {'PYTHONPATH': os.pathsep.join(filter(None, sys.path))})
 
     def kill(self):
         if self.process is not None:
