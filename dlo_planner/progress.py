@@ -4,35 +4,90 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from threading import Condition, Thread
+from threading import Condition, Thread, local
 from time import monotonic
+from typing import Any, TypeVar
 
 from dlo_planner.errors import DeadlineExceeded, InvalidTask
 from dlo_planner.model.checks import callback, number, shown
 
 OnProgress = Callable[[int, int], object] | None  # called as progress(done, total)
+_T = TypeVar('_T')
 
 
-INTERRUPT: ContextVar[Callable[[], object] | None] = ContextVar('interrupt', default=None)
+class _Interrupt:
+    """A check of `interrupted_by`; what it raises to a kernel is raised when that has ended."""
+
+    def __init__(self, check: Callable[[], object]) -> None:
+        self._check = check
+        self._raised: BaseException | None = None
+
+    def __call__(self) -> None:
+        self.raise_kept()
+        self._check()
+
+    def raise_kept(self) -> None:
+        """Raise what a kernel could not."""
+        raised, self._raised = self._raised, None
+        if raised is not None:
+            raise raised
+
+    def answers(self) -> Generator[bool, None, None]:
+        """Yield to kernels whether they are to end.
+
+        A generator waits inside its `try`: not even Ctrl-C, which Python raises as soon as it is
+        called, gets lost in compiled code.
+        """
+        while True:
+            try:
+                yield self._raised is not None
+                self()
+            except GeneratorExit:
+                return
+            except BaseException as error:
+                self._raised = error
+
+
+class _Asked(local):
+    """What kernels ask in each thread whether they are to end: send(None)."""
+
+    send: Callable[[Any], bool] = bool  # no, where nothing checks
+
+
+INTERRUPT: ContextVar[_Interrupt | None] = ContextVar('interrupt', default=None)
+ASKED = _Asked()
 
 
 @contextmanager
 def interrupted_by(check: Callable[[], object]) -> Iterator[None]:
     """Let `check` end all computations that begin inside the context.
 
-    It is called between their steps, as deadlines are; an exception that it raises ends the
-    computation. Other threads are not affected.
+    It is called between their steps and in long ones, as deadlines are; an exception that it raises
+    ends the computation. Other threads are not affected.
     """
     if callback('check', check) is None:
         raise InvalidTask('check = None: expected a function')
-    token = INTERRUPT.set(check)
+    interrupt, before = _Interrupt(check), ASKED.send
+    answers = interrupt.answers()
+    next(answers)
+    token, ASKED.send = INTERRUPT.set(interrupt), answers.send
     try:
         yield
+        interrupt.raise_kept()
     finally:
+        ASKED.send = before
         INTERRUPT.reset(token)
+
+
+def uninterrupted(answer: _T) -> _T:
+    """Return what a kernel returned; raise what has ended it early, or ends the computation now."""
+    interrupt = INTERRUPT.get()
+    if interrupt is not None:
+        interrupt()
+    return answer
 
 
 class Progress:

@@ -24,6 +24,7 @@ from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import Surroundings
 from dlo_planner.model.value import read_only
+from dlo_planner.progress import uninterrupted
 
 if TYPE_CHECKING:
     from dlo_planner.direct.simulator import DirectSimulator
@@ -73,8 +74,9 @@ def _filled(system: Problem, rods: RodTable, rod_of: Ints, positions: Floats,
     arrays, iterations = [np.empty((n, *row)) for row in rows], np.empty(n, dtype=np.int64)
     written = {name: getattr(system, name).copy() for name in (
         'lengths', 'natural', 'stiffness', 'scale', 'basis', 'pull')}
-    solve_free(system._replace(**written), rods, rod_of, read_only(rotations),
-               read_only(positions), TOLERANCE, MAX_ITERATIONS, FreeShapes(*arrays, iterations))
+    uninterrupted(solve_free(
+        system._replace(**written), rods, rod_of, read_only(rotations), read_only(positions),
+        TOLERANCE, MAX_ITERATIONS, FreeShapes(*arrays, iterations)))
     strains, frames, places, wrenches, energies, proofs = arrays
     residual, stability, truncated = proofs.T
     return {'element_strains': strains, 'frames': frames, 'positions': places,

@@ -28,6 +28,7 @@ from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import (
     Configuration,
     Problem,
+    is_to_end,
     new_configuration,
     unknown_count,
 )
@@ -179,7 +180,10 @@ def integrate(system: Problem, full: Problem, culled: bool, how: SchemeCoefficie
             kinetic energy, last balance, J; renewed
         guess: (N, 3) strains with which the first search begins, 1/m; (0, 3): extrapolated
     """
+    worked = np.zeros(1)
     for row in range(PAST + 1, buffer.times.size):
+        if is_to_end(worked, system, 4 * (1 + buffer.starts[1, row] - buffer.starts[1, row - 1])):
+            return row - 1
         _take_step(system, how, after, impact, buffer, row, budget, options, guess)
         if culled:
             buffer.stopped[1] = may_act(full.effects, full, buffer.bends[0, row],

@@ -346,18 +346,18 @@ class DirectSimulator(Value):
         steps = Progress(progress, deadline)
         ends = ends_of(far_ends, len(grippers))
         shapes = []
-        for gripper, end in zip(grippers, ends, strict=True):
-            self._check(gripper, initial, end)
-            with interrupted_by(steps.check):
+        with interrupted_by(steps.check):
+            for gripper, end in zip(grippers, ends, strict=True):
+                self._check(gripper, initial, end)
                 before = self._settled(initial)
                 if before is None:
                     shape = self._equilibrium(gripper, initial, end)
                 else:
                     shape = self._followed(before, gripper, end)
-            shapes.append(shape)
-            if shape.converged or shape.nearly:  # a failure is reported, not carried on
-                initial = shape
-            steps.done(len(shapes), len(grippers))
+                shapes.append(shape)
+                if shape.converged or shape.nearly:  # a failure is reported, not carried on
+                    initial = shape
+                steps.done(len(shapes), len(grippers))
         return shapes
 
     def simulate(self, grippers: Iterable[Pose], dt: float,
@@ -537,10 +537,11 @@ def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers
     for gripper, end in zip(grippers, ends, strict=True):
         simulator._check(gripper, None, end)
     grips = moving_grips(grippers, ends, dt, velocity is None, initial)
-    start, mesh = simulator._beginning(grippers[0], ends[0], initial)
-    begun = InitialConditions(initial, start, nodes_velocity(velocity, initial, start))
     plan = IntegrationOptions(len(grippers), integrator, tolerance)
-    return simulate(make(mesh, grips, dt, simulator.method), begun, plan, steps)
+    with interrupted_by(steps.check):
+        start, mesh = simulator._beginning(grippers[0], ends[0], initial)
+        begun = InitialConditions(initial, start, nodes_velocity(velocity, initial, start))
+        return simulate(make(mesh, grips, dt, simulator.method), begun, plan, steps)
 
 
 def clamping(name: str, simulator: object) -> DirectSimulator:

@@ -56,6 +56,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd, distance, spans
 from dlo_planner.model.value import Constant, freeze, put, read_only
 from dlo_planner.model.varying import scaled
+from dlo_planner.progress import INTERRUPT, uninterrupted
 
 
 def between(one: Pose, other: Pose, fraction: float) -> Pose:
@@ -190,7 +191,7 @@ def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, stra
     """Return the Shape in which a DLO goes on bearing where it does, or None."""
     if not mesh.may_hang or not past.in_contact:
         return None
-    end = Solution(*follow_step(
+    end = _uninterrupted(follow_step(
         mesh.full, gripper.rotation, gripper.position, past.plastic, past.node_force, *past.points,
         past.positions, past.tangents, initial.gripper.rotation, initial.gripper.position,
         strains, TOLERANCE, EXACT * float(mesh.s[-1])))
@@ -333,13 +334,15 @@ def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips
         q = mesh.unknowns(strains)
         if mesh.surroundings.pinned:
             bases[:] = system.base
-            q, gone = follow_homotopy(with_hinge(system), hinge_unknowns(system, q), bases,
-                                      held_at - gripped, axes, rows)
+            q, gone = uninterrupted(follow_homotopy(
+                with_hinge(system), hinge_unknowns(system, q), bases, held_at - gripped, axes,
+                rows))
             first, last = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
                            for pose in (first, last))
             q = own_unknowns(system, q)
         else:
-            q, gone = follow_homotopy(system, q, bases, held_at - gripped, axes, rows)
+            q, gone = uninterrupted(follow_homotopy(
+                system, q, bases, held_at - gripped, axes, rows))
         strains = mesh.strains_of(q)
         memory = replace(memory, hold=system.hold.multiplier)
         if gone == len(shares):
@@ -523,10 +526,18 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
     tangents = NOWHERE
     if memory is not None and not culled:
         places, tangents = read_only(memory.positions), read_only(memory.tangents)
-    return Solution(*solve_step(
+    return _uninterrupted(solve_step(
         system, full, gripper.rotation, gripper.position, read_only(strains), places, tangents,
         frames, rotation, nodes, most, how.tolerance, how.exact * float(mesh.s[-1]), how.steps,
         how.check, how.near))
+
+
+def _uninterrupted(found: tuple[Any, ...]) -> Solution:
+    """Return the Solution of what a kernel has found, as `progress.uninterrupted` does."""
+    interrupt = INTERRUPT.get()
+    if interrupt is not None:
+        interrupt()
+    return Solution(*found)
 
 
 def acts_at(mesh: Discretization, strains: Floats, positions: Floats, before: Floats) -> bool:

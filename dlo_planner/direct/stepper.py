@@ -55,8 +55,9 @@ from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Constant, freeze
+from dlo_planner.progress import uninterrupted
 
-MOST = 64            # steps of a batch: after them a deadline is looked at
+MOST = 64            # steps of a batch
 _POINTS = 24         # contacts a step for which there is room at first
 _ROUNDING = 1e-17    # of the residual, per inertia's strength relative to elasticity's
 _ROUGHEST = 1e-7
@@ -266,8 +267,8 @@ class Stepper:
         if self.method == 'newton':
             after, impact = (self.coefficients(Scheme(name, scheme.dt))
                              for name in ('annihilating', 'euler'))
-            last = integrate(system, self.discretization.full, culled, how, after, impact, buffer,
-                             budget, options, guess)
+            last = uninterrupted(integrate(system, self.discretization.full, culled, how, after,
+                                           impact, buffer, budget, options, guess))
         else:
             last = self._integrated(system, how, buffer, budget, options, guess)
         stopped = bool(buffer.stopped.any())
@@ -366,9 +367,9 @@ class Stepper:
         brief = Scheme('paper', min(short, _BRIEF[1] * self.own_time))
         ahead = brief.dt / self.dt
         buffer = self._buffer(now.place + ahead * np.array([0.0, 1.0, 2.0, 0.0, -1.0]), now.row)
-        consistent_rates(self._problem(self.hangs_from(now)),
-                         self.coefficients(brief, (0.0, 0.0)), self.coefficients(brief), buffer,
-                         going, self._options(brief, Acceptance(), _AT_ONCE))
+        uninterrupted(consistent_rates(
+            self._problem(self.hangs_from(now)), self.coefficients(brief, (0.0, 0.0)),
+            self.coefficients(brief), buffer, going, self._options(brief, Acceptance(), _AT_ONCE)))
         energies = now.row.energies.copy()
         energies[[KINETIC, WORK]] = buffer.energies[PAST, [KINETIC, WORK]]
         if now.place == 0.0:  # no work is done yet

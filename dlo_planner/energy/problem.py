@@ -12,8 +12,10 @@ from dlo_planner.energy.terms import TERMS, Structure, Terms, structure_of, widt
 from dlo_planner.geometry.kinematics import new_attached
 from dlo_planner.geometry.record import Record, replaced
 from dlo_planner.kernels import kernel
+from dlo_planner.kernels.interruption import interrupted
 from dlo_planner.model.arrays import Floats
 
+_BETWEEN = 10_000  # steps of a search of one element: 5 to 50 ms
 _HINGE = 1e-20  # of the stiffness of the DLO: that of a hinge is below
 
 
@@ -116,6 +118,21 @@ def bending_energy(system: Problem) -> float:
         if e > 0 or not hinged(system):
             compliance += system.lengths[e] / softer
     return 1.0 / compliance
+
+
+@kernel
+def is_to_end(worked: Floats, system: Problem, cost: int) -> bool:
+    """Return whether a search is to end before another step, see `kernels.interruption`.
+
+    `worked` (1,) is what it has done since it asked; `cost` of a step, relative to one of Newton's
+    method for a DLO that hangs freely. To ask takes Python's lock: it may have to wait 5 ms.
+    """
+    terms = system.basis.shape[2]
+    worked[0] += cost * system.lengths.size * (1.0 + terms * terms / 256.0)
+    if worked[0] < _BETWEEN:
+        return False
+    worked[0] = 0.0
+    return interrupted()
 
 
 @kernel

@@ -33,6 +33,7 @@ from dlo_planner.energy.problem import Configuration, Problem, bending_energy, n
 from dlo_planner.minimize.convergence import Minimum
 from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, Descent, descend, leave_saddle
 from dlo_planner.model.arrays import Floats
+from dlo_planner.progress import uninterrupted
 
 
 class Objective(NamedTuple):
@@ -325,7 +326,7 @@ def problem_of(system: Problem) -> Objective:
 
     def value(flat: Floats) -> float:
         state.q[:] = flat.reshape(state.q.shape)
-        energy: float = evaluate(system, state)[0]
+        energy: float = uninterrupted(evaluate(system, state)[0])
         return energy
 
     def value_and_gradient(flat: Floats) -> tuple[float, Floats]:

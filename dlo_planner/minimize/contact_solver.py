@@ -25,6 +25,7 @@ from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import copy
 from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
+from dlo_planner.kernels.interruption import interrupted
 from dlo_planner.minimize.active_set import enlarge_active_set, free_to_roll, update_active_set
 from dlo_planner.minimize.contact_table import (
     kkt_residual,
@@ -58,6 +59,7 @@ from dlo_planner.minimize.semismooth import (
     tangent_predictor,
 )
 from dlo_planner.model.arrays import Floats
+from dlo_planner.progress import uninterrupted
 
 _FIRM = 1e2      # times the stiffness of contacts' springs, where they are to hardly give
 COARSER = 10.0  # times the tolerance: the rounding errors of contact forces leave no more of it
@@ -82,7 +84,7 @@ def constrained_newton(system: Problem, q: Floats, tolerance: float, max_iterati
     """
     if obstructed(system.contact):
         end = solve_contact(system, q, COARSER * tolerance, exact, max_iterations, check, previous)
-        return Minimum(*end)
+        return Minimum(*uninterrupted(end))
     return newton(system, q, tolerance, max_iterations, check,
                   exact if holds(system.hold) or hinged(system) else 0.0)
 
@@ -174,7 +176,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
                 previous, flow = past, np.array([0.0, 1.0])
             else:
                 set_reaction(hold, reaction)
-        if steps >= max_iterations or attempt >= len(_ROUGH):
+        if steps >= max_iterations or attempt >= len(_ROUGH) or interrupted():
             break
         there, begin, moves = _pressed_out(
             there, begin, length * (_STUCK if attempt > 0 else _DEEP), tolerance, exact,

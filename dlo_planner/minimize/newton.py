@@ -53,6 +53,7 @@ from dlo_planner.energy.problem import (
     Problem,
     bending_energy,
     hinged,
+    is_to_end,
     new_configuration,
 )
 from dlo_planner.energy.terms import forbids, may_forbid, row_count
@@ -83,6 +84,7 @@ from dlo_planner.minimize.hessian import (
 from dlo_planner.minimize.kkt import dot, put_scaled, set_give
 from dlo_planner.minimize.lanczos import lowest_mode, reference_mode
 from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.progress import uninterrupted
 
 # steps
 LARGEST_TURN = 0.8  # rad per step, of any node
@@ -230,8 +232,8 @@ def newton(system: Problem, q: Floats, tolerance: float, max_iterations: int, ch
 
     Shapes: q (m, 3).
     """
-    state, residual, stability, iterations, kicks, violated = _minimum(
-        system, q, tolerance, exact, max_iterations, check)
+    state, residual, stability, iterations, kicks, violated = uninterrupted(_minimum(
+        system, q, tolerance, exact, max_iterations, check))
     return Minimum(state, residual, stability, iterations, kicks, system, violated)
 
 
@@ -242,7 +244,7 @@ def descend(system: Problem, q: Floats, tolerance: float, max_iterations: int,
     Arguments as `newton`.
     """
     options = thorough(tolerance, 0.0, max_iterations, check, False)
-    return Descent(*newton_descent(system, q, options, new_workspace(system)))
+    return Descent(*uninterrupted(newton_descent(system, q, options, new_workspace(system))))
 
 
 @kernel
@@ -309,8 +311,11 @@ def newton_descent(system: Problem, q: Floats, options: Options,
     age, way, contraction = np.inf, 0.0, np.inf  # rad since that, rad in all, of the last step
     iterations = obstructed = idle = 0
     stalled = leans = False
+    worked = np.zeros(1)
     told = np.inf  # the decrement, where it tells that nothing is left to go
     while True:
+        if is_to_end(worked, system, 1):
+            iterations = options.maxiter
         # where is it? (1) is the end
         missed = constraint_value(hold, state.rotations[last], state.positions[last], miss)
         residual = min(relative(state, bend), told)
@@ -697,7 +702,10 @@ def follow_homotopy(system: Problem, q: Floats, bases: Floats, targets: Floats, 
     """
     length = np.sum(system.lengths)
     options = thorough(_ROUGH, _ROUGH * length, _PER_PART, length < 0.0, length < 0.0)
+    worked = np.zeros(1)
     for part in range(bases.shape[0]):
+        if is_to_end(worked, system, 4):
+            return q, part
         hold = replaced(system.effects.hold, 'target', targets[part], 'axes', axes[part],
                         'rows', rows[part])
         regripped = replaced(system, 'base', bases[part],

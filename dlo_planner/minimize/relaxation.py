@@ -25,7 +25,7 @@ import numpy as np
 from dlo_planner.energy.gap import radius_at_node
 from dlo_planner.energy.grip import move_multipliers
 from dlo_planner.energy.inertia import inertial_stiffness
-from dlo_planner.energy.problem import bending_energy, new_configuration
+from dlo_planner.energy.problem import bending_energy, is_to_end, new_configuration
 from dlo_planner.energy.terms import forbids
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import put_sum
@@ -98,11 +98,13 @@ def relax(system, q, previous, follows, rough, most, flow):
     loaded, state, residual, table, previous = _watched(loaded, state, table, previous, follows,
                                                         near, follows)
     shift, softness, steps, stands = flow[0], min(flow[1], softest), 0, False
-    largest, too_large = _MOST_SHIFT * least, False
+    largest, too_large, worked = _MOST_SHIFT * least, False, np.zeros(1)
     while steps < most and shift < largest:
         if stands and residual < rough and deepest(table) < rough * length:
             break
         steps += 1
+        if is_to_end(worked, system, 1 + table.gap.size):
+            break
         used = shift
         normal, shear = forces(table, state)
         assemble(loaded, state, hessian)

@@ -20,7 +20,12 @@ from dlo_planner.energy.contact import trial_traction
 from dlo_planner.energy.gap import closest_point, near_gaps, radius_at_node
 from dlo_planner.energy.grip import constraint_value, move_multipliers
 from dlo_planner.energy.potential import at_elements, evaluate, project, unknowns_of
-from dlo_planner.energy.problem import bending_energy, new_configuration, with_gripper
+from dlo_planner.energy.problem import (
+    bending_energy,
+    is_to_end,
+    new_configuration,
+    with_gripper,
+)
 from dlo_planner.energy.scene import SHEET, translated
 from dlo_planner.energy.terms import forbids, row_count
 from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
@@ -310,8 +315,10 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
     state, step, right = begin, np.empty_like(q), np.empty_like(q)
     last = touching(system.effects.contact.scene, system.effects.contact.contacts, system.lengths,
                     begin)
-    vain = 0
+    vain, worked = 0, np.zeros(1)
     for steps in range(_MORE_STEPS if afar else _STEPS):
+        if is_to_end(worked, system, 1 + last.gap.size):
+            break
         loaded = loaded_by_contacts(loaded, state, previous, -exact, False, afar)
         state, residual, table, violation = kkt_residual(loaded, state.q)
         if not (afar or table.gap.size):

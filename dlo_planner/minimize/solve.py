@@ -16,7 +16,13 @@ from dlo_planner.energy.gap import penetration_of_point
 from dlo_planner.energy.grip import constraint_violation, put_wrench
 from dlo_planner.energy.plastic import add_plastic, return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
-from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
+from dlo_planner.energy.problem import (
+    Configuration,
+    Problem,
+    is_to_end,
+    new_configuration,
+    with_gripper,
+)
 from dlo_planner.energy.scene import translated
 from dlo_planner.energy.terms import KKTBorder, may_act, potential, stored
 from dlo_planner.geometry.basis import truncation_error
@@ -437,7 +443,10 @@ def solve_free(system: Problem, rods: RodTable, rod_of: Ints, bases: Floats, ori
     work = new_workspace(system)
     options = thorough(tolerance, 0.0, max_iterations, tolerance > 0.0, tolerance < 0.0)
     turned = with_gripper(system, np.empty((3, 3)), np.empty(3))
+    worked = np.zeros(1)
     for k in range(rod_of.size):
+        if is_to_end(worked, system, 4):
+            return
         if rod_of[k] != rod:
             rod = rod_of[k]
             _put_rod(system, rods, rod, rods.mesh[rod] != mesh)
