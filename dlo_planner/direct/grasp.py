@@ -23,7 +23,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import BACK, Rod
 from dlo_planner.model.supports import STANDARD_GRAVITY, Surroundings
 from dlo_planner.model.value import Value, brief, figures, put
-from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.progress import OnProgress, Progress, interrupted_by
 
 _TURNED = np.diag([-1.0, 1.0, -1.0])  # of frames
 
@@ -83,8 +83,9 @@ class GraspedInside(Value):
             before = _parts_of(initial)
         joined = []
         for gripper in grippers:
-            back, on = (part.track([pose], initial=shape)[0] for part, pose, shape in
-                        zip(self._parts, _both(gripper), before, strict=True))
+            with interrupted_by(steps.check):
+                back, on = (part.track([pose], initial=shape)[0] for part, pose, shape in
+                            zip(self._parts, _both(gripper), before, strict=True))
             joined.append(_joined(gripper, back, on))
             before = tuple(shape if shape.converged else last
                            for shape, last in zip((back, on), before, strict=True))

@@ -33,7 +33,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, brief, figures, put
 from dlo_planner.pictured import Answer
-from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.progress import OnProgress, Progress, interrupted_by
 
 _Seen: TypeAlias = tuple[tuple[Observation, ...], tuple[ObservedMotion, ...]]
 _STARTS = (0.0, -0.7, 0.7)  # logarithms of stiffness from which the search begins
@@ -197,16 +197,17 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
     steps = Progress(progress, deadline)
     meshes = _MESHES if not {'n_elements', 'n_terms', 'accuracy'} & {*options} else ({},)
     begin = None
-    for mesh in meshes[_first_mesh(rod, observations, motions, options, meshes):]:
-        observed = MeasurementModel(unknowns, observations, motions, pose, {**mesh, **options},
-                                    steps)
-        free = np.zeros(observed.size - unknowns.size)
-        observed.choose_steps(np.append(unknowns.begin, free), ROUGHLY)
-        errors = MEstimator(observed, unknowns.prior(prior), noise, rho, scale)
-        found, statistics = _found(observed, errors, steps, begin)
-        if _exact(observed.at(found.x).shapes[:len(observations)], rod):
-            break
-        begin = found.x
+    with interrupted_by(steps.check):
+        for mesh in meshes[_first_mesh(rod, observations, motions, options, meshes):]:
+            observed = MeasurementModel(unknowns, observations, motions, pose, {**mesh, **options},
+                                        steps)
+            free = np.zeros(observed.size - unknowns.size)
+            observed.choose_steps(np.append(unknowns.begin, free), ROUGHLY)
+            errors = MEstimator(observed, unknowns.prior(prior), noise, rho, scale)
+            found, statistics = _found(observed, errors, steps, begin)
+            if _exact(observed.at(found.x).shapes[:len(observations)], rod):
+                break
+            begin = found.x
     return _fit(observed, statistics, found)
 
 

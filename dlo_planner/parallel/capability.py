@@ -43,7 +43,7 @@ from dlo_planner.parallel.pool import CachedPayload, Pool, Workers, checked
 from dlo_planner.parallel.shapes import as_it_is
 from dlo_planner.pictured import BACKEND, Answer
 from dlo_planner.plan.plan import Plan
-from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.progress import OnProgress, Progress, uninterrupted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -400,9 +400,8 @@ def _from(query: ReachabilityQuery, cutout: CutOut, index: int,
         line |= {'outcome': (prefix + refused.constraint)[:LONGEST], 'amount': refused.amount}
         if not prefix:
             line['fraction'] = 0.0 if refused.plan is None else refused.plan.fraction
-    except DeadlineExceeded as error:
-        if error.seconds != patience:
-            raise  # it is the map's own
+    except DeadlineExceeded:
+        uninterrupted(None)  # by the map's own
         line |= {'outcome': UNDECIDED, 'amount': np.nan}
     return line
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import shown
+from dlo_planner.progress import interrupted_by
 
 _LOOK = 0.02  # s between two looks at the deadline
 _KNOWN = 8    # payloads that a worker keeps
@@ -82,7 +83,9 @@ class Pool:
         if self._executor is None:
             for index, task in enumerate(tasks):
                 self._check()
-                finished(index, function(task))
+                with interrupted_by(self._check):
+                    result = function(task)
+                finished(index, result)
             return
         left = dict(enumerate(tasks))
         while left:

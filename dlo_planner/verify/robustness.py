@@ -26,7 +26,7 @@ from dlo_planner.model.checks import figure, instance, integer, items, number, r
 from dlo_planner.model.value import brief, put, same
 from dlo_planner.pictured import Answer
 from dlo_planner.plan.plan import Passes, Plan, passages
-from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.progress import OnProgress, Progress, interrupted_by
 
 _AT_ONCE = 25   # samples in one piece of work
 
@@ -138,14 +138,15 @@ def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty,
         instance('executor', executor, Executor)
     steps = Progress(progress, deadline)
     uncertain = UncertainState(simulator, uncertainty, 1 + VARIATION)
-    by_cause = _first_order(uncertain, plan, steps)
-    draws = uncertain.draw(np.random.default_rng(seed), samples)
-    work = [(uncertain, plan.shapes, plan.via_points, draws[k:k + _AT_ONCE])
-            for k in range(0, samples, _AT_ONCE)]
-    batches = [np.zeros((0, len(plan)))]
-    for batch in (map if executor is None else executor.map)(_sampled, work):
-        batches.append(batch)
-        steps.done(len(batches) - 1, len(work))
+    with interrupted_by(steps.check):
+        by_cause = _first_order(uncertain, plan, steps)
+        draws = uncertain.draw(np.random.default_rng(seed), samples)
+        work = [(uncertain, plan.shapes, plan.via_points, draws[k:k + _AT_ONCE])
+                for k in range(0, samples, _AT_ONCE)]
+        batches = [np.zeros((0, len(plan)))]
+        for batch in (map if executor is None else executor.map)(_sampled, work):
+            batches.append(batch)
+            steps.done(len(batches) - 1, len(work))
     sampled = np.concatenate(batches)
     room = plan.clearances[:, :, 0].min(axis=1, initial=np.inf)
     success = np.nan

@@ -4,6 +4,7 @@
 
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
+from itertools import count
 from multiprocessing import get_context
 
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib import pyplot as plt
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
+    DeadlineExceeded,
     DirectSimulator,
     Infeasible,
     InvalidTask,
@@ -19,6 +21,7 @@ from dlo_planner import (
     Pose,
     Rod,
     Workspace,
+    progress,
     replay,
 )
 from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map
@@ -136,6 +139,14 @@ def test_it_goes_on_after_an_interruption(inverse, serial, tmp_path):
     assert capability_map(inverse, GRID, depths=DEPTHS, folder=tmp_path / 'map', chunk=3,
                           progress=lambda *both: reported.append(both)) == serial
     assert reported == []
+
+
+def test_its_own_deadline_makes_nothing_undecided(inverse, tmp_path, monkeypatch):
+    monkeypatch.setattr(progress, 'monotonic', count(0.0).__next__)  # 1 s later at each look
+    with pytest.raises(DeadlineExceeded):
+        capability_map(inverse, GRID, depths=DEPTHS, folder=tmp_path / 'map', chunk=1,
+                       patience=50.0, deadline=50.0)
+    assert (CapabilityMap.load(tmp_path / 'map').outcome != 'undecided').all()
 
 
 def test_a_folder_belongs_to_one_map(inverse, tmp_path):

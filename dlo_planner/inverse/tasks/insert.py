@@ -48,6 +48,7 @@ from dlo_planner.plan.continuity import gripper_motion
 from dlo_planner.plan.goal_rows import ROTATION, GoalTable
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_at
+from dlo_planner.progress import uninterrupted
 
 _PACE = 0.1       # rad plus part of the length: a longer step of a take-over is made in parts
 _NOTHING = 0.01   # the same: a step that is no step
@@ -266,5 +267,5 @@ class Insert(Task):
         plan = first_feasible(partial(planned, begin) for begin in start_candidates(
             simulator, bore.normal, context.start))
         return replace(plan, insertion_force=np.array([
-            insertion_force(simulator, bore, self.friction, depth, shape)
+            uninterrupted(insertion_force(simulator, bore, self.friction, depth, shape))
             for depth, shape in zip(plan.depths, plan.shapes, strict=True)]))

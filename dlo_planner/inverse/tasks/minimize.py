@@ -36,7 +36,7 @@ from dlo_planner.plan.goals import Residuals
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import STABILITY
 from dlo_planner.plan.waypoint import Waypoint
-from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.progress import OnProgress, Progress, interrupted_by
 
 # An object as in `plan.goals`, whose `slopes` may be missing, or a function of a Shape.
 Penalty: TypeAlias = Residuals | Callable[[Shape], ArrayLike]
@@ -277,7 +277,8 @@ def least_penalty(simulator: DirectSimulator, task: Minimize, start: Pose,
                    maximum=simulator.rod.length)
     most = task.max_iterations
     function = PenaltyFunction(simulator, list(task.penalties), start, initial, progress, most)
-    found = (_least_squares if function.squares_only else _least_number)(function, most)
+    with interrupted_by(progress.check):
+        found = (_least_squares if function.squares_only else _least_number)(function, most)
     return found if found.shape.stability >= stability else replace(found, converged=False)
 
 
