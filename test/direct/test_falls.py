@@ -171,7 +171,8 @@ def test_a_light_fall_of_a_stiff_wire_between_two_grips_is_said(how, mu):
     wire = Rod.circular(0.6, 2e-3, 8960.0, 110e9, 0.34)
     simulator = DirectSimulator(wire, **how, obstacles=[Sphere((0.25, 0.01, 0.2), 0.05, mu)])
     here = Pose((0, 0, 0.3), LEVEL)
-    ways = [np.linspace((0.5, 0, 0.36), (0.5, 0.0131, 0.305), 6),
+    ways = [np.linspace((0.5, 0.06, 0.36), (0.5, 0, 0.36), 3),  # past one side of the ball
+            np.linspace((0.5, 0, 0.36), (0.5, 0.0131, 0.305), 6),
             np.linspace((0.5, 0.0131, 0.305), (0.5, 0.0163, 0.2918), 120)]
     shape, falls, places = None, 0, np.linspace(0, 0.6, 50)
     for way in ways:
