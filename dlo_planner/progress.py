@@ -39,12 +39,20 @@ class _Interrupt:
         """Yield to kernels whether they are to end.
 
         A generator waits inside its `try`: not even Ctrl-C, which Python raises as soon as it is
-        called, gets lost in compiled code.
+        called, gets lost in compiled code. What another task of the thread computes, which is not
+        in the context of the check, goes on; a check that computes itself is not asked meanwhile.
         """
         while True:
             try:
-                yield self._raised is not None
-                self()
+                while True:
+                    mine = INTERRUPT.get() is self
+                    yield mine and self._raised is not None
+                    if INTERRUPT.get() is self:
+                        send, ASKED.send = ASKED.send, bool
+                        try:
+                            self()
+                        finally:
+                            ASKED.send = send
             except GeneratorExit:
                 return
             except BaseException as error:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Deadlines and `interrupted_by` hold within a step: counted in looks, not by a clock."""
 
+import asyncio
 import os
 import signal
 from contextlib import nullcontext
@@ -243,3 +244,40 @@ def test_control_c_is_not_lost_in_a_kernel(checked):
         Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
         run()
         Event().wait(10.0)  # a quick machine had done it
+
+
+def test_what_another_task_of_the_thread_computes_goes_on():
+    """A check is of its context, kernels are of a thread."""
+    whole = from_afar()
+
+    def stop():
+        raise Stopped
+
+    async def waits():
+        with interrupted_by(stop):
+            await asyncio.sleep(0.05)
+
+    async def computes():
+        await asyncio.sleep(0.01)
+        return from_afar()
+
+    async def both():
+        return await asyncio.gather(waits(), computes())
+
+    _, shape = asyncio.run(both())
+    assert shape.converged
+    np.testing.assert_array_equal(shape.positions, whole.positions)
+
+
+def test_a_check_may_compute_itself(capfd):
+    looks, whole = [], from_afar()
+
+    def check():
+        looks.append(len(looks))
+        if len(looks) == 3:
+            from_afar()
+
+    with interrupted_by(check):
+        shape = from_afar()
+    np.testing.assert_array_equal(shape.positions, whole.positions)
+    assert len(looks) > 3 and 'Error' not in capfd.readouterr().err

@@ -89,7 +89,8 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
     begin, start, kicks = initial, None, 0
     while True:
         shape = step(mesh, gripper, begin, how, start)
-        if not shape.converged and begin is not initial:  # a coarser mesh has led nowhere
+        if not shape.converged and not (begin is initial and start is None):
+            # a coarser mesh has led nowhere
             shape = step(mesh, gripper, initial, how)
         kicks += shape.state.kicks
         if kicks > shape.state.kicks:  # those on the meshes before count as well

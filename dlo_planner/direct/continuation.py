@@ -77,13 +77,13 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
     """Return what `follow` does."""
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
     way = _way(previous, goal)
-    if last or not _is_long(way, previous.contacts, at_once):
+    if last or not _is_long(way, bool(previous.contacts), at_once):
         if not (last or at_once or previous.contacts or goal.far_end is not None):
             most = _LEAP + _FOLLOWING * way.turn
         shape = tried or solve(goal.gripper, previous, goal.far_end, most)
         if not shape.converged and (shape.jumped or goal.far_end is not None and halvings is None):
             return shape  # it went in parts already: the way is blocked, or out of reach
-        good, touches = sound(previous, shape, way), previous.contacts or shape.contacts
+        good, touches = sound(previous, shape, way), bool(previous.contacts or shape.contacts)
         if good and (last or not _is_doubtful(previous, shape, way)):
             if last or not shape.contacts or not _is_long(way, touches, at_once):
                 return shape
@@ -173,13 +173,13 @@ def _way(previous: Shape, goal: Grips) -> Way:
                0.0 if previous.pinned else angle_between(one.rotation, other.rotation), held)
 
 
-def _is_long(way: Way, touches: object, at_once: bool) -> bool:
-    """Whether a step is cut in any case; `touches`: contacts before or after, if any."""
+def _is_long(way: Way, touches: bool, at_once: bool) -> bool:
+    """Whether a step is cut in any case; it `touches` before or after."""
     if way.held is not None:
         return False  # the ends go in small parts anyway
     if touches and way.shift > _LONGEST_SHIFT:
         return True
-    return way.turn > LONGEST_TURN and bool(touches or not at_once)
+    return way.turn > LONGEST_TURN and (touches or not at_once)
 
 
 def sound(previous: Shape, shape: Shape, way: Way) -> bool:
@@ -192,7 +192,7 @@ def surely_follows(previous: Shape, shape: Shape) -> bool:
     """Return whether `follow` takes `shape`, found in one step, as it is; arguments as `sound`."""
     way = _way(previous, Grips(shape.gripper, shape.far_end))
     return (sound(previous, shape, way) and not _is_doubtful(previous, shape, way)
-            and not _is_long(way, previous.contacts or shape.contacts, False))
+            and not _is_long(way, bool(previous.contacts or shape.contacts), False))
 
 
 def fell(previous: Shape, shape: Shape, way: Way | None = None) -> bool:

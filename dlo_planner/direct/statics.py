@@ -162,9 +162,8 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: S
     if shape is None:
         shape = equilibrium(mesh, gripper, strains, past, far_end, method=how.method,
                             culled=culled, watch=watch)
-        if (newton and initial is None and mesh.obstructed and mesh.loaded
-                and not culled and shape.violation > KEPT * mesh.s[-1]
-                and penetration_of_point(mesh.scene, np.array(gripper.position)) <= 0.0):
+        if (newton and initial is None and mesh.obstructed and not culled
+                and shape.violation > KEPT * mesh.s[-1] and _may_come_out(mesh, gripper, far_end)):
             shape = _from_elsewhere(mesh, gripper, past, far_end) or shape
     return shape if clear else replace(shape, converged=False, jumped=True)
 
@@ -174,16 +173,25 @@ def _from_elsewhere(mesh: Discretization, gripper: Pose, memory: Memory,
     """Return the Shape that falls onto the obstacles from above, or swings against them; or None.
 
     Where a DLO is first inside obstacles the way out may be above them, where its dead loads would
-    lift it, or below, where it would hang without them.
+    lift it, or below, where it would hang without them. It yields on the last way alone.
     """
     bare = mesh.within(replace(mesh.surroundings, obstacles=()))
-    pull = bare.free.load.pull
-    for one in (bare.varied(pull=-pull), bare):
+    lifted = bare.varied(pull=-bare.free.load.pull)
+    for one in (lifted, bare) if mesh.loaded else (bare,):
         there = step(one, gripper, None, StepInputs(far_end=far_end))
-        shape = equilibrium(mesh, there.gripper, there.element_strains, memory, far_end)
-        if shape.converged:
-            return shape
+        if there.converged:
+            shape = equilibrium(mesh, there.gripper, there.element_strains, memory, far_end)
+            if shape.converged:
+                return shape
     return None
+
+
+def _may_come_out(mesh: Discretization, gripper: Pose, far_end: FarEnd | None) -> bool:
+    """Return whether the gripper is in no obstacle, and the far end within reach."""
+    length = float(mesh.s[-1])
+    inside = penetration_of_point(mesh.scene, np.array(gripper.position))
+    return inside <= KEPT * length and (
+        far_end is None or spans(distance(far_end, gripper), length, mesh.loaded))
 
 
 def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, strains: Floats,

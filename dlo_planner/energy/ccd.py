@@ -4,8 +4,8 @@
 
 The motion between the two is taken as straight, point by point. Convex obstacles: an element is
 safe if it moves less than it is away, or if all of it stays above a plane that lies between it and
-the obstacle's middle. Sheets: nodes change sides, and elements pierce the middle plane, only
-through a cut-out or around the border. Of a rectangular DLO all that holds for its edges; for the
+the obstacle's middle. Sheets: nodes change sides of a face, and elements pierce it, only through a
+cut-out or around the border. Of a rectangular DLO all that holds for its edges; for the
 solid between them, where a round bar or an edge could pass, the plane has to be below all four.
 """
 
@@ -164,6 +164,8 @@ def _through_sheet(scene, o, flush, old, new):
             for j in range(3):
                 before[i] += scene.axes[o, j, i] * p[j]
                 after[i] += scene.axes[o, j, i] * q[j]
+        before[0] -= scene.size[o, 0]  # from the face of a layer
+        after[0] -= scene.size[o, 0]
         # what is in the material already may come out
         if (abs(before[0]) > flush and _meets(before, after, flush)
                 and not _open(scene, o, flush, before, after)):
@@ -183,13 +185,13 @@ def _through_sheet(scene, o, flush, old, new):
 
 @kernel
 def _meets(p, q, flush):
-    """Whether the line from p to q has a point in the middle plane, be it an end of it."""
+    """Whether the line from p to q has a point in the face's plane, be it an end of it."""
     return p[0] * q[0] < 0.0 or min(abs(p[0]), abs(q[0])) <= flush
 
 
 @kernel
 def _where(p, q, flush):
-    """Return y and z where the line from p to q, which meets the middle plane, does so."""
+    """Return y and z where the line from p to q, which meets the face's plane, does so."""
     if abs(p[0]) <= flush:
         return p[1], p[2]
     if abs(q[0]) <= flush:
@@ -200,7 +202,7 @@ def _where(p, q, flush):
 
 @kernel
 def _open(scene, o, flush, p, q):
-    """Whether the line from p to q meets the middle plane outside the material."""
+    """Whether the line from p to q meets the face's plane outside the material."""
     y, z = _where(p, q, flush)
     away, _ = in_plane(scene, o, y, z, np.empty(2))
     return away > 0.0

@@ -186,7 +186,7 @@ def _placed(scene: Scene, contact: Pose, radius: float,
     normals, bend = np.empty((scene.kind.size, 3)), np.empty((3, 3))
     gaps = np.array([signed_distance(scene, o, axis, normals[o], bend) - radius
                      for o in range(scene.kind.size)])
-    # among foils and obstacles that meet there, the one with this normal
+    # among layers and obstacles that meet there, the one with this normal
     tilts = np.linalg.norm(normals - contact.rotation[:, 2], axis=1)
     body = int(np.argmin(np.abs(gaps) / length + tilts))
     if abs(gaps[body]) > _ON_SURFACE * length or tilts[body] > _ON_SURFACE:

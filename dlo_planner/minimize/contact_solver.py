@@ -72,7 +72,8 @@ _FALLING = 200  # Newton steps in which a DLO comes to rest that touches nothing
 # forces are sought at once, with so many exchanges of points, which are kept after the first few.
 _ROUGH, _MOST = (1e-3, 1e-3, 1e-6, 1e-9, 1e-9), (12, 48, 100, 100, 400)
 _SLIDES, _EXCHANGES, _CHOICES = 4, 8, 3
-_STIFF = 100.0  # times the violation aimed at: what is left where a stiff part lies along a body
+# Times the violation aimed at, in the last attempt: a stiff part that lies along a body keeps it.
+_STIFF = 100.0
 _MOST_KICKS, _SAME = 10, 1e-6  # part of the unknowns: shapes that differ by less are one
 
 
@@ -148,15 +149,14 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
     while max_iterations > 0:
         if seeks and not on_a_way:
             reaction = reaction_of(hold, row_count(system.needs.border))
-            if attempt == len(_ROUGH):
-                exact *= _STIFF
+            aim = _STIFF * exact if attempt == len(_ROUGH) else exact
             rests, state, residual, stability, moves, loaded, violation = _at_once(
-                there, begin, attempt == 0, tolerance, exact, check, previous)
+                there, begin, attempt == 0, tolerance, aim, check, previous)
             steps += moves
             if rests and attempt > 0:  # points that are kept in the middle of elements roll
                 found = reaction_of(hold, row_count(system.needs.border))
                 rolled, its, left, stands, moves, there, inside = _at_once(
-                    loaded, state.q, rests, tolerance, exact, check, previous)
+                    loaded, state.q, rests, tolerance, aim, check, previous)
                 steps += moves
                 if rolled:
                     state, residual, stability, loaded, violation = its, left, stands, there, inside

@@ -59,7 +59,7 @@ _SOFTEST, _STIFFEST = 0.01, 1e-12
 _LEAST_SHIFT = 1e-3  # where shifts begin, relative to elasticity and loads
 _MOST_SHIFT = 1e9    # times the least one: then nothing moves
 _LARGER, _SMALLER = 4.0, 0.25  # most and least that shift and softness are multiplied by
-_SOFTER = 1 / 16      # the same, of the least shift, where it is too large and none too small
+_SOFTER = 1 / 16  # times the least shift, where any shift is too cautious and none is not stable
 # A step brings contacts deeper by this part of the DLO's radius, within limits, of the length.
 _PART, _LEAST_DEEPER, _DEEPER = 0.25, 1e-4, 5e-3
 _CHOICES = 12     # steps in which points inside elements are chosen anew; then they are kept
@@ -98,7 +98,7 @@ def relax(system, q, previous, follows, rough, most, flow):
     loaded, state, residual, table, previous = _watched(loaded, state, table, previous, follows,
                                                         near, follows)
     shift, softness, steps, stands = flow[0], min(flow[1], softest), 0, False
-    largest, too_large, worked = _MOST_SHIFT * least, False, np.zeros(1)
+    largest, cautious, worked = _MOST_SHIFT * least, False, np.zeros(1)
     while steps < most and shift < largest:
         if stands and residual < rough and deepest(table) < rough * length:
             break
@@ -147,9 +147,9 @@ def relax(system, q, previous, follows, rough, most, flow):
                 if not error < _BAD:
                     error = np.inf  # it may be no number
                     move_multipliers(hold, -part, reaction)
-        if used == 0.0 and too_large and not error < _BAD:
+        if used == 0.0 and cautious and not error < _BAD:
             least *= _SOFTER
-        too_large = used > 0.0 and error < _SMALLER * _AIM
+        cautious = used > 0.0 and error < _SMALLER * _AIM
         factor = error / _AIM
         factor = min(factor * factor, _LARGER) if factor > 1.0 else max(np.sqrt(factor), _SMALLER)
         shift = max(shift, least) * factor if factor > 1.0 else shift * factor

@@ -74,7 +74,7 @@ _GRACE = 3           # first steps, in which it may do so
 _LONG = 6            # steps after which contacts that still change may go round in circles
 _PATIENCE = 8        # steps in vain with friction: a change of its direction raises the error first
 _CROSSES = 0.9       # of the DLO's radius: its axis is so deep in what it crosses
-_APART = 2.0        # times how far a node is from the next: with a larger gap it counts by that one
+_APART = 2.0  # times the way from the last candidate: with a larger gap a node is none beside it
 _AROUND = 4.0       # times the largest gap of what bears: nodes beside it may bear as well
 
 

@@ -55,7 +55,7 @@ class Body(NamedTuple):
 
     kind: str  # one of `energy.scene.KINDS`
     pose: Pose  # pose of its center
-    size: ArrayLike  # (3,) half sizes along the axes of the pose, or as its kind takes them, m
+    size: ArrayLike  # (3,) half sizes along the axes of the pose, m; see `energy.scene.Scene`
     inner: float = 0.0  # how deep in it a point still knows its way out, m
 
 

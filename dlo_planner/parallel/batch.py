@@ -75,8 +75,8 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     InvalidTask
         An argument makes no sense; the message names it.
     DeadlineExceeded
-        The deadline is over. Pieces that were begun go on to their end, others are canceled; so is
-        it where `progress` raises, or `progress.interrupted_by` says so.
+        The deadline is over. Pieces that an executor has begun go on to their end, others are
+        canceled; so is it where `progress` raises, or `progress.interrupted_by` says so.
     concurrent.futures.BrokenExecutor
         The executor broke: one that was given, or two in a row without a result.
     """

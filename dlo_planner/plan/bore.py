@@ -26,12 +26,13 @@ from dlo_planner.model.rod import Surface
 _OUTSIDE = 1e-6     # of the length: nothing is inside yet
 _ELEMENTS = 32
 _GRADED = 1.5       # power of the places of nodes: they are closest at the mouth
-# Nodes would go to and fro between the sides of a stiff wall: walls begin soft, of the beam's
-# largest stiffness, and are made stiffer from balance to balance.
+# Nodes would go to and fro between the sides of a stiff wall: walls begin soft, a part of the
+# beam's largest stiffness, and are made stiffer from balance to balance. A beam that is much bent
+# enters them far, and comes back by one room in a step.
 _SOFT = 1e-6
 _WALL = 1e-5        # of the room: how far walls give way
 _STIFFER = 10.0     # times: walls that give way more are made so
-_WALLS, _STEPS = 18, 60  # of such walls, of Newton steps
+_WALLS, _STEPS = 18, 600  # of such walls, of Newton steps
 _SAME = 1e-9        # of the energy's slope
 _ROUNDS, _CLOSE = 60, 1e-3  # of the fixed point; relative
 _BOLD = 10          # rounds of it without damping

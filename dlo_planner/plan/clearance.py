@@ -287,7 +287,7 @@ def _lowest(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: F
 def _at_the_rim(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: Floats,
                 positions: Floats, heights: Floats, normal: Floats,
                 flush: float) -> tuple[float, float]:
-    """Return the smallest gap where the DLO meets the foil `o`, and that plane's height in m.
+    """Return the smallest gap where the DLO meets the face of layer `o`, and its height in m.
 
     It meets the plane where it passes from one side to the other, and with each node that is
     nearer to it than `flush` in m: on which side of zero the height of an end in the plane falls
@@ -295,7 +295,7 @@ def _at_the_rim(scene: Scene, o: int, lengths: Floats, strains: Floats, rotation
     """
     smallest = np.inf
     frame, x = np.empty((3, 3)), np.empty(3)
-    plane = inner(normal, scene.center[o] - scene.origin)
+    plane = inner(normal, scene.center[o] + scene.size[o, 0] * scene.axes[o, :, 0] - scene.origin)
     last = 0.0
     begin, end = node_range(scene, o, heights.size - 1)
     for k in range(begin, end + 1):

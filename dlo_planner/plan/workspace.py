@@ -107,7 +107,7 @@ class Workspace(Value):
         All of the path is checked, not samples of it: a piece of it is halved until it is proved
         to keep its room, or a place beyond the limit is found. The sides of the box, and the
         distance from a convex body, lie above their tangent planes, and the path within its
-        control points; a sheet's distance changes no more than the place does.
+        control points; outside of a sheet its distance changes no more than the place does.
 
         Parameters
         ----------

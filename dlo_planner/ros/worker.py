@@ -54,7 +54,7 @@ class Worker:
         """Return what `call()` does there; blocks, but not the interpreter.
 
         None if the Worker is closed meanwhile, or it is not `wanted()` any more: the computation
-        ends between two of its steps, and the process stays. One call after the other.
+        ends within a step, and the process stays. One call after the other.
         """
         while not self._asking.acquire(timeout=_LOOK):
             if not wanted():
@@ -138,7 +138,7 @@ class _Calls:
         self._unwanted = False
 
     def interrupt(self, *_: object) -> None:
-        """Let the present call end between two of its steps."""
+        """Let the present call end within a step."""
         self._unwanted = True
 
     def answer(self, pipe: Connection[Any, Any]) -> tuple[object, object]:

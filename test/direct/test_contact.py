@@ -201,6 +201,20 @@ def test_a_tip_in_a_thick_sheet_leans_on_the_wall_of_the_hole(hole, short):
     assert shape.contacts and shape.contacts[-1].normal[1] == pytest.approx(-1)
 
 
+@pytest.mark.parametrize(('thickness', 'deep'), [(0.1, 0.02), (0.1, 0.07), (0.024, 0.004)])
+def test_a_tip_does_not_pass_from_one_hole_to_the_next(thickness, deep):
+    stiff = Rod.circular(0.5, 2e-3, 8960.0, 110e9, 0.34)
+    holes = [CutOut(Pose.looking_along((0.5 + thickness / 2 - deep, y, 1.0), (1, 0, 0)),
+                    radius=0.01) for y in (0.0, 0.03)]
+    sheet = Sheet(holes[0].pose, 0.4, 0.4, thickness, holes)
+    simulator = DirectSimulator(stiff, gravity=(0, 0, 0), obstacles=[sheet], n_elements=40,
+                                basis='local')
+    shape = simulator.solve(Pose.looking_along((0, 0, 1), (1, 0, 0)))
+    for aside in (0.025, 0.03):  # at once
+        there = simulator.solve(Pose.looking_along((0, aside, 1), (1, 0, 0)), shape)
+        assert there.converged and there.contacts and there.positions[-1, 1] < 0.01
+
+
 @pytest.mark.every(2)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 def test_friction_holds_back_a_wire_drawn_over_the_floor(wire, basis):

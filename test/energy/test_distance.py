@@ -233,6 +233,7 @@ def test_the_wall_of_a_hole_is_closed(thickness, cutouts, rng):
 
 
 def test_both_layers_of_a_sheet_push_the_same_way(rng):
+    # (but in its middle, where nothing tells to which side)
     scene = build_scene([Sheet(POSE, 0.5, 0.6, 0.02, ROUND)], 1e-3)
     assert scene.kind.size == 2
     for x in points(rng, 500):

@@ -227,7 +227,7 @@ def beam(length, **more):
                      'mouth': 1e-6 * np.eye(4), 'pushed': np.zeros(4), **more})
 
 
-@pytest.mark.parametrize('couple', [0.02, 0.1])
+@pytest.mark.parametrize('couple', [0.02, 0.1, 1.0])
 def test_a_couple_at_the_mouth_wedges_a_beam_between_rim_and_wall(couple, rng):
     free = beam(1.0)
     load = np.zeros((61, 3))
