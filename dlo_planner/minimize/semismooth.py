@@ -75,6 +75,7 @@ _LONG = 6            # steps after which contacts that still change may go round
 _PATIENCE = 8        # steps in vain with friction: a change of its direction raises the error first
 _CROSSES = 0.9       # of the DLO's radius: its axis is so deep in what it crosses
 _APART = 2.0  # times the way from the last candidate: with a larger gap a node is none beside it
+_CLOSE = 1 / 200  # of the length: nor is one with a gap that is so near to it
 _AROUND = 4.0       # times the largest gap of what bears: nodes beside it may bear as well
 
 
@@ -489,14 +490,15 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
             elif not push > 0.0 and gap < near:
                 push = _TINY * NEGLIGIBLE * k * abs(gap)
             contacts.multiplier[c] = _pushing(push, k * gap)
+    close = _CLOSE * np.sum(lengths)
     for o in range(scene.kind.size):
         away = np.inf  # from the last node that counts
         for node in range(force.shape[1]):
             away += lengths[max(node - 1, 0)]
             if everywhere and _is_halfway(scene, o, node, yielded[o, node] / k):
                 force[o, node] = 0.0
-            elif everywhere and force[o, node] == 0.0 and yielded[o, node] < k * min(
-                    near, _APART * away):
+            elif everywhere and force[o, node] == 0.0 and yielded[o, node] < (
+                    k * min(near, _APART * away) if away > close else 0.0):
                 force[o, node] = _TINY * NEGLIGIBLE * abs(yielded[o, node])
             if force[o, node] > 0.0:
                 away = 0.0

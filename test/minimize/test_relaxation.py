@@ -16,6 +16,8 @@ from dlo_planner import (
     Sheet,
     Sphere,
 )
+from dlo_planner.energy.potential import configuration_at
+from dlo_planner.minimize.semismooth import loaded_by_contacts
 from dlo_planner.rods import with_plug
 
 G = 9.81
@@ -202,3 +204,16 @@ def test_a_cut_out_that_is_narrower_than_an_element_is_not_entered_beside_it():
         rim = np.hypot(fine[:, 0], np.maximum(hole.radius - np.hypot(fine[:, 1], fine[:, 2]), 0.0))
         assert shape.converged and shape.contacts
         assert rim.min() > rod.radius - 1e-6
+
+
+def test_on_a_fine_mesh_not_every_node_near_an_obstacle_is_a_candidate():
+    # the work goes with the square of their number; what is pressed in counts in any case
+    floor = [Plane((0, 0, 0), (0, 0, 1))]
+    mesh = DirectSimulator(CABLE, basis='local', n_elements=1000, obstacles=floor).mesh_after(None)
+    for height, least, most in ((3.5e-3, 195, 205), (2.9e-3, 1000, 1000)):
+        system = mesh.system(np.eye(3), np.array([0.0, 0.0, height]))
+        state = configuration_at(system, np.zeros((1000, 3)))
+        loaded = loaded_by_contacts(system, state, np.zeros((0, 6)), 0.01, True, True)
+        contacts = loaded.effects.contact.contacts
+        pushes = contacts.node[0, 1:] > contacts.stiffness * (height - 3e-3)
+        assert least <= np.count_nonzero(pushes) <= most
