@@ -210,11 +210,11 @@ def _released_stands(law, change, bears):
     so where I - sqrt(s_i) C_ij sqrt(s_j) of these rows is (Sylvester, Haynsworth).
     """
     size, force, released = law.free.size, _forces(law, change), 0
-    rows = np.zeros((size, size))
+    first, rows = np.empty(size, dtype=np.int64), np.zeros((size, 2))  # what is not zero of a row
     for a in range(law.friction.size):
         i, n = law.first[a], law.first[a + 1] - law.first[a]
         for j in range(0 if bears[a] else n):
-            rows[released, i + j] = np.sqrt(law.spring[a, j, j])
+            first[released], rows[released, 0] = i + j, np.sqrt(law.spring[a, j, j])
             released += 1
         along = np.sqrt(np.sum(force[i + 1:i + n] ** 2)) if bears[a] else 0.0
         if along > 0.0 and slides(along, law.friction[a] * force[i]):
@@ -222,15 +222,18 @@ def _released_stands(law, change, bears):
             for j in range(1, n):
                 for k in range(1, n):
                     spring += force[i + j] * law.spring[a, j, k] * force[i + k] / along**2
-            for j in range(1, n):
-                rows[released, i + j] = np.sqrt(max(spring, 0.0)) * force[i + j] / along
+            first[released] = i + 1
+            for j in range(2):
+                rows[released, j] = np.sqrt(max(spring, 0.0)) * force[i + 1 + j] / along
             released += 1
     left = np.eye(released)
     for a in range(released):
-        for i in range(size):
-            for j in range(size if rows[a, i] != 0.0 else 0):
-                for b in range(a + 1 if law.compliance[i, j] != 0.0 else 0):
-                    left[a, b] -= rows[a, i] * law.compliance[i, j] * rows[b, j]
+        for b in range(a + 1):
+            for i in range(2):
+                for j in range(2 if rows[a, i] != 0.0 else 0):
+                    if rows[b, j] != 0.0:
+                        left[a, b] -= (rows[a, i] * law.compliance[first[a] + i, first[b] + j]
+                                       * rows[b, j])
     return factorized(left, np.empty_like(left), 0.0, 0) == 0
 
 
