@@ -99,6 +99,8 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
             return replace(shape, converged=False)
         if not shape.converged:
             return shape
+        if kicks and how.most < np.inf and not shape.state.culled:  # a fall is made in parts
+            return shape
         if shape.dissipated:
             lasts = _made_with_a_set(shape)
             if lasts and (fine == 'local' or initial is not None and mesh == initial.state.mesh):

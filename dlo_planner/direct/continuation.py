@@ -57,6 +57,7 @@ _EVENLY = 0.75          # of a step's change: more in half of it is a leap, perh
 _SAME = 0.01            # rad: two shapes that differ by less are one
 _SLIDES = 1 - 1e-6      # of friction's limit
 _TURNED = np.cos(0.5)   # rad: a normal that turns more is another contact, as beyond an edge
+_ANY_TURN = 1e3         # rad: the limit of a step in contact, which is looked at first
 
 
 def follow(solve: Equilibrium, previous: Shape, gripper: Pose, far_end: FarEnd | None = None,
@@ -77,10 +78,19 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
     """Return what `follow` does."""
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
     way = _way(previous, goal)
+<<<<<<< HEAD
     if last or not _is_long(way, bool(previous.contacts), at_once):
         if not (last or at_once or previous.contacts or goal.far_end is not None):
+=======
+    if last or not _is_long(way, previous.contacts, at_once):
+        if previous.contacts and goal.far_end is None and not last:
+            most = _ANY_TURN
+        elif not (last or at_once or previous.contacts or goal.far_end is not None):
+>>>>>>> 1f145a8d (A step in contact that is found to be a fall is not made again on finer meshes)
             most = _LEAP + _FOLLOWING * way.turn
-        shape = tried or solve(goal.gripper, previous, goal.far_end, most)
+        if tried is None or last and tried.state.kicks:
+            tried = solve(goal.gripper, previous, goal.far_end, most)
+        shape = tried
         if not shape.converged and (shape.jumped or goal.far_end is not None and halvings is None):
             return shape  # it went in parts already: the way is blocked, or out of reach
         good, touches = sound(previous, shape, way), bool(previous.contacts or shape.contacts)
@@ -94,7 +104,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
             agree, half = _by_halves(solve, previous, goal, shape)
             if agree:
                 return shape
-        failed = not shape.converged and most == np.inf
+        failed = not shape.converged and most in (np.inf, _ANY_TURN)
     if halvings is None:
         parts = max(way.size / _SHORTEST, 1.0)
         halvings = min(max(ceil(log2(parts)), _LEAST), _MOST)
@@ -103,12 +113,11 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
     if not middle.converged:
         if shape is None:
             return _jumped(middle)
-        if not shape.converged and most < np.inf:  # given up on its way: now to where it leads
-            shape = solve(goal.gripper, previous, goal.far_end, np.inf)
-        return _jumped(shape)
+        return _jumped(_to_its_end(solve, previous, goal, shape, most))
     rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
     if not rest.converged and shape is not None and shape.converged:
-        return _jumped(shape)  # the whole step has an end, which its parts do not reach
+        # the whole step has an end, which its parts do not reach
+        return _jumped(_to_its_end(solve, previous, goal, shape, most))
     jumped = rest.jumped or middle.jumped
     if (shape is not None and shape.converged and shape.state.culled and goal.far_end is None
             and shape_change(rest, shape) <= _SAME):
@@ -123,16 +132,28 @@ def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
     They do not where one of them alone changes as much as both: what leaps does so in any step.
     """
     there = _partway(previous, goal)
-    first = solve(there.gripper, previous, there.far_end, np.inf)
+    most = _ANY_TURN if previous.contacts and goal.far_end is None else np.inf
+    first = solve(there.gripper, previous, there.far_end, most)
     if not sound(previous, first, _way(previous, there)):
         return False, first
-    end = solve(goal.gripper, first, goal.far_end, np.inf)
+    end = solve(goal.gripper, first, goal.far_end, most)
     agree = (sound(first, end, _way(first, goal)) and not _changes(shape, end)
              and shape_change(shape, end) <= _SAME)
     if agree:
-        most = max(shape_change(previous, first), shape_change(first, end))
-        agree = most <= max(_LEAP_OFF, _EVENLY * shape_change(previous, shape))
+        change = max(shape_change(previous, first), shape_change(first, end))
+        agree = change <= max(_LEAP_OFF, _EVENLY * shape_change(previous, shape))
     return agree, first
+
+
+def _to_its_end(solve: Equilibrium, previous: Shape, goal: Grips, shape: Shape,
+                most: float) -> Shape:
+    """Return where a step leads that was given up, or is a fall; else its Shape as it is.
+
+    `most`: with which it was found, see `StepInputs`.
+    """
+    if most == np.inf or (not shape.state.kicks if shape.converged else most == _ANY_TURN):
+        return shape
+    return solve(goal.gripper, previous, goal.far_end, np.inf)
 
 
 def _jumped(shape: Shape) -> Shape:

@@ -86,7 +86,9 @@ class StepInputs(NamedTuple):
     far_end: FarEnd | None = None
     method: str = 'newton'        # as of `DirectSimulator`, like `strains`
     strains: str = 'components'
-    most: float = np.inf          # rad, by which a DLO that hangs freely may turn, see `Watch`
+    # rad, by which a DLO that hangs freely may turn, see `Watch`; if it is finite, a fall onto
+    # obstacles or along them is wanted no more exactly than the first mesh has it
+    most: float = np.inf
 
 
 ALONE = StepInputs()

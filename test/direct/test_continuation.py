@@ -194,3 +194,22 @@ def test_a_far_end_works_too():
         end = FarEnd(Pose((1, 0, 0), pose(0.1).quaternion))
         shape = replace(after, energy=energy, far_end=end)
         assert follow(lambda *_, s=shape: s, before, pose(0.0), end).jumped == jumped
+
+
+@pytest.mark.parametrize('ends', [True, False])
+def test_a_fall_along_an_obstacle_is_exact_only_where_it_is_the_answer(ends):
+    asked = []
+
+    def equilibrium(gripper, initial, far_end, most=np.inf):
+        falls = initial.gripper.position[0] <= 0.011 < gripper.position[0]
+        shape = touching(gripper, 0.0, 0)
+        asked.append((falls, most))
+        blocked = not ends and falls and gripper.position[0] < 0.019
+        state = replace(shape.state, kicks=int(falls), culled=False)
+        return replace(shape, state=state, residual=most, converged=not blocked)
+
+    shape = follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.02, 0, 0), (0, 0, 0, 1)))
+    assert shape.converged and shape.jumped
+    assert ends or shape.residual == np.inf  # its `most`: the whole step is the answer
+    exact = [most == np.inf for falls, most in asked if falls]
+    assert not any(exact[:-2]) and exact[-1] and len(exact) > 4
