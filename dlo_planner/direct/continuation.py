@@ -78,15 +78,10 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
     """Return what `follow` does."""
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
     way = _way(previous, goal)
-<<<<<<< HEAD
     if last or not _is_long(way, bool(previous.contacts), at_once):
-        if not (last or at_once or previous.contacts or goal.far_end is not None):
-=======
-    if last or not _is_long(way, previous.contacts, at_once):
         if previous.contacts and goal.far_end is None and not last:
             most = _ANY_TURN
         elif not (last or at_once or previous.contacts or goal.far_end is not None):
->>>>>>> 1f145a8d (A step in contact that is found to be a fall is not made again on finer meshes)
             most = _LEAP + _FOLLOWING * way.turn
         if tried is None or last and tried.state.kicks:
             tried = solve(goal.gripper, previous, goal.far_end, most)

@@ -75,7 +75,7 @@ _LONG = 6            # steps after which contacts that still change may go round
 _PATIENCE = 8        # steps in vain with friction: a change of its direction raises the error first
 _CROSSES = 0.9       # of the DLO's radius: its axis is so deep in what it crosses
 _APART = 2.0  # times the way from the last candidate: with a larger gap a node is none beside it
-_CLOSE = 1 / 200  # of the length: nor is one with a gap that is so near to it
+_CLOSE = 1 / 500  # of the length: nor is one with a gap that is so near to it
 _AROUND = 4.0       # times the largest gap of what bears: nodes beside it may bear as well
 
 
