@@ -8,6 +8,7 @@ import signal
 from contextlib import nullcontext
 from functools import cache
 from threading import Event, Thread, Timer
+from time import sleep
 
 import numpy as np
 import pytest
@@ -281,3 +282,15 @@ def test_a_check_may_compute_itself(capfd):
         shape = from_afar()
     np.testing.assert_array_equal(shape.positions, whole.positions)
     assert len(looks) > 3 and 'Error' not in capfd.readouterr().err
+
+
+def test_control_c_in_a_plain_solve_is_no_error_of_numba():
+    strip = DirectSimulator(
+        Rod.rectangular(1, 0.02, 0.004, 1000.0, 1e7, 0.3),
+        obstacles=[Plane((0, 0, 0.7), (0, 0, 1), 0.6),
+                   Capsule((0.6, -1, 0.8), (0.6, 1, 0.8), 0.05)])
+    strip.solve(TILTED)  # kernels are loaded
+    Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        strip.solve(TILTED)
+        sleep(60)  # it was quicker than the signal

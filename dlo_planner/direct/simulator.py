@@ -310,9 +310,12 @@ class DirectSimulator(Value):
         """
         far_end = FarEnd.of(far_end)
         self._check(gripper, initial, far_end)
-        if initial is None or not (made_by(self, initial) or initial.state.kept):
-            return self._equilibrium(gripper, initial, far_end)
-        return self._followed(initial, gripper, far_end, at_once=True)
+        try:
+            if initial is None or not (made_by(self, initial) or initial.state.kept):
+                return self._equilibrium(gripper, initial, far_end)
+            return self._followed(initial, gripper, far_end, at_once=True)
+        except SystemError as error:  # a signal that had to wait for the end of a kernel
+            raise _signal(error) from None
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
               initial: Shape | None = None, *, far_ends: Iterable[Any] | None = None,
@@ -562,3 +565,13 @@ def known_options(options: Mapping[str, Any]) -> Mapping[str, Any]:
     for name in options:
         choice('option', name, _OPTIONS)
     return options
+
+
+def _signal(error: BaseException) -> BaseException:
+    """Return the KeyboardInterrupt that numba has made an error of; the error itself, if none."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, KeyboardInterrupt):
+            return cause
+        cause = cause.__cause__ or cause.__context__
+    return error
