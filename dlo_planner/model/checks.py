@@ -175,9 +175,12 @@ def row(name: str, value: Any, error: type[Exception] = InvalidTask, *, least: i
 
 def vector(name: str, value: Any, size: int) -> Floats:
     """Return `value` as a new float array of shape (size,), all finite, or raise InvalidTask."""
-    if (type(value) is np.ndarray and value.dtype == float and value.shape == (size,)
-            and all(-_EXTREME <= one <= _EXTREME for one in value.tolist())):
-        return np.array(value)
+    given: Any = value
+    if type(value) is np.ndarray and value.dtype == float and value.ndim == 1:
+        given = value.tolist()
+    if (type(given) in (tuple, list) and len(given) == size
+            and all(type(one) in (float, int) and -_EXTREME <= one <= _EXTREME for one in given)):
+        return np.array(given, dtype=float)
     return array(name, value, (size,))
 
 

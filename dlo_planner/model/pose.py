@@ -152,13 +152,17 @@ class Pose(Value):
         direction : array_like, shape (3,)
             Direction, of any length but zero.
         """
-        x = unit('direction', direction)
-        y = np.cross(WORLD_UP, x)
-        # Near the vertical the cross product is noise; world y is then the stable choice.
-        y = y / np.linalg.norm(y) if np.linalg.norm(y) > 1e-9 else np.array([0.0, 1.0, 0.0])
-        y = y - (y @ x) * x
-        y /= np.linalg.norm(y)
-        return cls.from_rotation(position, np.column_stack([x, y, np.cross(x, y)]))
+        # in plain numbers: NumPy takes as long for vectors of three as a shape takes to be found
+        a, b, c = unit('direction', direction).tolist()
+        level = math.hypot(a, b)
+        # near the vertical the level part is noise; world y is then the stable choice
+        y = (-b / level, a / level, 0.0) if level > 1e-9 else (0.0, 1.0, 0.0)
+        along = y[0] * a + y[1] * b
+        y = (y[0] - along * a, y[1] - along * b, -along * c)
+        norm = math.hypot(*y)
+        d, e, f = (one / norm for one in y)
+        rotation = np.array([[a, d, b * f - c * e], [b, e, c * d - a * f], [c, f, a * e - b * d]])
+        return pose_of(vector('Pose.position', position, 3), rotation)
 
     def compose(self, other: Pose) -> Pose:
         """Return self * other: the pose `other`, given in this frame, in the world frame."""
