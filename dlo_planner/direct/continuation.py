@@ -4,7 +4,7 @@
 
 A step is taken as it is where nothing speaks against it: no more motion than the grips can cause,
 no energy lost that neither work nor friction accounts for, no unstable shape on the way (`sound`).
-Where a contact comes, goes, turns over an edge, begins to slide, or slides by much, two half steps
+Where a contact comes, goes, turns over an edge, or begins to slide, two half steps
 have to lead to the same shape as well; where one goes, the step is short. Any other step is made in
 halves. What is still in doubt in the shortest parts is a fall: it is made, and said.
 """
@@ -49,7 +49,6 @@ _LEAP_ON = 0.05         # the same, of a DLO that touches
 _LEAP_OFF = 0.02        # the same, of a DLO that comes off an obstacle
 _OFF = 2e-3             # rad and of the length: the longest step in which it does
 _FOLLOWING = 3.0        # rad of shape per rad of the gripper: more is looked at in smaller steps
-_SLIDING = 2.0          # the same, where it slides
 _SPREAD = 0.2           # of how much the work depends on when forces change in a step: its error
 _ROUGH = 0.01           # of the elastic energy: what may be lost where no leap of shapes is seen
 _EXACT = 1e-6           # of the elastic energy: what may always be lost, an error of solvers
@@ -89,7 +88,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
         if not shape.converged and (shape.jumped or goal.far_end is not None and halvings is None):
             return shape  # it went in parts already: the way is blocked, or out of reach
         good, touches = sound(previous, shape, way), bool(previous.contacts or shape.contacts)
-        if good and (last or not _is_doubtful(previous, shape, way)):
+        if good and (last or not _changes(previous, shape)):
             if last or not shape.contacts or not _is_long(way, touches, at_once):
                 return shape
         elif last:
@@ -207,7 +206,7 @@ def sound(previous: Shape, shape: Shape, way: Way) -> bool:
 def surely_follows(previous: Shape, shape: Shape) -> bool:
     """Return whether `follow` takes `shape`, found in one step, as it is; arguments as `sound`."""
     way = _way(previous, Grips(shape.gripper, shape.far_end))
-    return (sound(previous, shape, way) and not _is_doubtful(previous, shape, way)
+    return (sound(previous, shape, way) and not _changes(previous, shape)
             and not _is_long(way, bool(previous.contacts or shape.contacts), False))
 
 
@@ -291,15 +290,6 @@ def _comes_off(previous: Shape, shape: Shape) -> bool:
     """Whether an obstacle that was touched is not touched any more."""
     return not ({contact.obstacle for contact in previous.contacts}
                 <= {contact.obstacle for contact in shape.contacts})
-
-
-def _is_doubtful(previous: Shape, shape: Shape, way: Way) -> bool:
-    """Whether contacts change in a step, or slide on another branch perhaps."""
-    if _changes(previous, shape):
-        return True
-    if not any(contact.friction.any() for contact in shape.contacts):
-        return False
-    return shape_change(previous, shape) > _SLIDING * way.size
 
 
 def _changes(one: Shape, other: Shape) -> bool:

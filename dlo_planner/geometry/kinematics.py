@@ -14,7 +14,7 @@ from dlo_planner.geometry.so3 import (
     columns_scaled,
     cross,
     inner,
-    jacobians,
+    jacobians_with,
     matrix,
     plus,
     put_coefficients,
@@ -278,10 +278,16 @@ def part_of_element(h, fraction, strain, scale, rotation, twist, arm):
     length = fraction * h
     x, y, z = length * strain[0], length * strain[1], length * strain[2]
     _, chord = rotation_and_chord(x, y, z, length)
-    rotation_jacobian, chord_jacobian = jacobians(x, y, z, length)
+    put_vector(applied(matrix(rotation), chord), arm)
+    put_own_twist(length, x, y, z, coefficients(x * x + y * y + z * z), scale, rotation, twist)
+
+
+@kernel
+def put_own_twist(h, x, y, z, c, scale, rotation, twist):
+    """Fill (6, 3) the twist of an arc's end by its own unknowns; c: `coefficients` of its turn."""
+    rotation_jacobian, chord_jacobian = jacobians_with(x, y, z, h, c)
     frame = matrix(rotation)
-    put_vector(applied(frame, chord), arm)
-    w0, w1, w2 = length * scale[0], length * scale[1], length * scale[2]
+    w0, w1, w2 = h * scale[0], h * scale[1], h * scale[2]
     put_matrix(columns_scaled(times(frame, rotation_jacobian), w0, w1, w2), twist[:3])
     put_matrix(columns_scaled(times(frame, chord_jacobian), w0, w1, w2), twist[3:])
 

@@ -95,6 +95,7 @@ _FALLS = 0.5         # of the square of the decrement: what a step leaves of it 
 _VAIN = 5            # steps that one counts for which leads nowhere: each trial was in vain
 _OFTEN = 3           # steps in a row that an obstacle cuts, or a kink where the DLO touches
 _CREEPING = 0.02     # of a step: what is left of it before a kink
+_MOST_COMMON = 1.0   # rad: what turns by more in a step is bent anew
 _IDLE = 20           # steps in a row whose gain drowns in rounding errors and that bring nothing
 _TRACE = 1e-100      # an unknown as small has no effect at any scale
 # eigenvalues
@@ -143,6 +144,7 @@ class Options(Record):
     maxiter: int  # newton steps at most
     check: bool  # whether the smallest eigenvalue is found at the end, and a saddle left
     bounded: bool  # whether it is enough to know that it is well above zero; then it is infinite
+    falls: bool  # whether it comes from a saddle: it may go far, along valleys that curve
     # whether forces of inertia are left out of a Hessian that they make indefinite
     gauss_newton: bool
     # by how much any node may turn in all steps together, rad, in a search for what is near;
@@ -161,7 +163,7 @@ class Options(Record):
 @kernel
 def thorough(gtol, ctol, maxiter, check, gauss_newton):
     """Return the Options of a search with all its guards."""
-    return Options(gtol, ctol, maxiter, check, False, gauss_newton, np.inf, 0.0,
+    return Options(gtol, ctol, maxiter, check, False, False, gauss_newton, np.inf, 0.0,
                    np.empty(0, dtype=np.int64), np.empty((0, 3, 3)), np.inf)
 
 
@@ -276,7 +278,7 @@ def minimize(system: Problem, q: Floats, options: Options,
                 or not leave_saddle(system, state, mode, q)):
             break
         kicks += 1
-        options = replaced(options, 'maxiter', most - iterations)
+        options = replaced(options, 'maxiter', most - iterations, 'falls', kicks > 0)
     return state, residual, stability, iterations, kicks, missed
 
 
@@ -301,7 +303,7 @@ def newton_descent(system: Problem, q: Floats, options: Options,
     last = system.lengths.size
     near, drawn = options.reach < np.inf, options.gauss_newton
     kinks = may_forbid(system.effects) and has_inertia(system.effects.anchor)
-    turns = not near and (drawn or held and _spins_freely(system))
+    turns = not near and (drawn or (held or options.falls) and _spins_freely(system))
     most_give = _most_give(hold, system, bend) if held and not near else 0.0
     least = _PROXIMAL if held and not near else 0.0
     flush_subnormals(q, state.q)
@@ -532,12 +534,14 @@ def _retract(system, state, step, fraction, turns, out):
     Torsion turns all that lies beyond about the DLO's axis. Where little resists it, by large
     angles while the axis hardly moves: curvature stays in the world and turns in the material
     frame, and a straight line of the unknowns leaves that way with the square of the angle. So
-    where it `turns` curvature is turned back by the angle (a retraction: Absil et al.).
+    where it `turns` curvature is turned back by the angle (a retraction: Absil et al.). So it is
+    with the turn that all curvature has in common, as of what falls round the vertical.
     """
     if not turns:
         put_sum(state.q, fraction, step, out)
         return
-    strains, angle = np.empty((system.lengths.size, 3)), 0.0
+    strains, angles = np.empty((system.lengths.size, 3)), np.empty(system.lengths.size)
+    angle = turned = square = 0.0
     for e in range(system.lengths.size):
         x, y, z = value_at(system.basis, step, e)
         torsion = fraction * system.scale[e, 0] * x
@@ -546,11 +550,18 @@ def _retract(system, state, step, fraction, turns, out):
             turn = 0.0
         middle = angle + 0.5 * turn
         angle += turn
-        one = state.strains[e, 1] + fraction * system.scale[e, 1] * y - middle * state.strains[e, 2]
-        other = state.strains[e, 2] + fraction * system.scale[e, 2] * z + (
-            middle * state.strains[e, 1])
-        c, s = np.cos(middle), np.sin(middle)
+        one, other = state.strains[e, 1], state.strains[e, 2]
         strains[e, 0] = state.strains[e, 0] + torsion
+        strains[e, 1] = fraction * system.scale[e, 1] * y - middle * other
+        strains[e, 2] = fraction * system.scale[e, 2] * z + middle * one
+        angles[e] = middle
+        turned += system.lengths[e] * (one * strains[e, 2] - other * strains[e, 1])
+        square += system.lengths[e] * (one * one + other * other)
+    common = turned / square if abs(turned) < _MOST_COMMON * square else 0.0
+    for e in range(system.lengths.size):
+        one = state.strains[e, 1] + strains[e, 1] + common * state.strains[e, 2]
+        other = state.strains[e, 2] + strains[e, 2] - common * state.strains[e, 1]
+        c, s = np.cos(angles[e] - common), np.sin(angles[e] - common)
         strains[e, 1] = c * one + s * other
         strains[e, 2] = c * other - s * one
     unknowns_of(system, strains, out)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.energy.contact import trial_traction
-from dlo_planner.energy.potential import evaluate, project, value_at
+from dlo_planner.energy.potential import at_elements, evaluate, project, value_at
 from dlo_planner.energy.problem import (
     Configuration,
     Problem,
@@ -19,7 +19,8 @@ from dlo_planner.energy.problem import (
     unknown_count,
 )
 from dlo_planner.energy.terms import constraint_jacobian, row_count
-from dlo_planner.geometry.kinematics import part_of_element, point_inside
+from dlo_planner.geometry.kinematics import part_of_element, point_inside, put_own_twist
+from dlo_planner.geometry.so3 import coefficients_in
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import touching
 from dlo_planner.minimize.dense import lu_factor, lu_solve
@@ -83,17 +84,41 @@ def node_twists(system: Problem, state: Configuration, answers: Floats, columns:
         columns: of the gripper's twist, 3 where its displacement moves all alike, else 6; 4: its
             turns, and a change of the strains while it rests
     """
-    n = system.lengths.size
+    n, basis = system.lengths.size, system.basis
     out = np.zeros((n + 1, 6, 6))
-    part, arm = np.empty((6, 3)), np.empty(3)
+    parts = np.empty((n, 6, 3))
+    lengths, strains, arcs, positions = system.lengths, state.strains, state.arcs, state.positions
+    for e in range(n):
+        h = lengths[e]
+        put_own_twist(h, h * strains[e, 0], h * strains[e, 1], h * strains[e, 2],
+                      coefficients_in(arcs[e]), system.scale[e], state.rotations[e], parts[e])
     for i in range(6):
         out[0, i, i] = 1.0 if i < 3 or columns != 4 else 0.0
+    for column in range(columns):
+        values = at_elements(basis, answers[column])
+        for e in range(n):
+            x, y, z = values[e, 0], values[e, 1], values[e, 2]
+            t0, t1, t2 = out[e, 0, column], out[e, 1, column], out[e, 2, column]
+            a0, a1, a2 = (positions[e + 1, 0] - positions[e, 0], positions[e + 1, 1] - positions[e, 1],
+                          positions[e + 1, 2] - positions[e, 2])
+            at, part = out[e + 1], parts[e]
+            at[0, column] = t0 + _by_strains(part, 0, x, y, z)
+            at[1, column] = t1 + _by_strains(part, 1, x, y, z)
+            at[2, column] = t2 + _by_strains(part, 2, x, y, z)
+            at[3, column] = out[e, 3, column] + t1 * a2 - t2 * a1 + _by_strains(part, 3, x, y, z)
+            at[4, column] = out[e, 4, column] + t2 * a0 - t0 * a2 + _by_strains(part, 4, x, y, z)
+            at[5, column] = out[e, 5, column] + t0 * a1 - t1 * a0 + _by_strains(part, 5, x, y, z)
     for e in range(n):
         for i in range(6):
-            for j in range(6):
-                out[e + 1, i, j] = out[e, i, j]
-        _carry_on(system, state, answers, columns, e, 1.0, part, arm, out[e + 1])
+            for column in range(columns, 6):
+                out[e + 1, i, column] = out[0, i, column]
     return out
+
+
+@kernel(forceinline=True)
+def _by_strains(part, row, x, y, z):
+    """Return a component of the twist that an element's own strains (x, y, z) make."""
+    return part[row, 0] * x + part[row, 1] * y + part[row, 2] * z
 
 
 @kernel
