@@ -20,7 +20,8 @@ JOBS = """
 import json, pickle, warnings
 with warnings.catch_warnings(record=True) as told:
     warnings.simplefilter('always')
-    from dlo_planner import (CutOut, DirectSimulator, InverseSimulator, Plane, Pose, Rod)
+    from dlo_planner import (CutOut, DirectSimulator, FarEnd, InverseSimulator, Plane, Pose, Rod,
+                             Sphere)
     from dlo_planner.kernels import COMPILED
 warnings.simplefilter('error', RuntimeWarning)
 rod = Rod(1.0, 0.1, (1.0, 2.0), 0.7)
@@ -40,6 +41,15 @@ direct = DirectSimulator(Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.
                          n_elements=8, obstacles=[Plane((0, 0, -0.2), (0, 0, 1), 0.2)])
 lying = direct.solve(level)
 assert lying.contacts and lying.converged
+lying = direct.solve(Pose((0, 0.01, 0), level.quaternion), lying)  # the next step writes into
+assert lying.contacts and lying.converged  # nothing that this one returned
+direct = DirectSimulator(rod, n_elements=8, obstacles=[Sphere((0.5, 0, -0.1), 0.09)])
+far = FarEnd(Pose.looking_along((0.8, 0, -0.1), (1, 0, 0)))
+for held in (None, far):
+    shape = direct.solve(level, far_end=held)
+    shape = direct.solve(Pose((0, 0.003, 0), level.quaternion), shape, far_end=held)
+    assert shape.converged
+    found += [shape.positions.tolist()]
 goal = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)))
 plan = InverseSimulator(DirectSimulator(rod, n_elements=8)).thread(goal, depths=[0, 0.5])
 found += [lying.positions.tolist(), plan.grippers[-1].position.tolist()]
@@ -81,3 +91,14 @@ def test_nothing_is_compiled_ahead_without_numba(tmp_path):
                       f'print(main(["--into", {str(tmp_path / "compiled")!r}]))')
     assert run(code) == 0
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.sweep
+def test_steps_in_contact_and_between_two_grips_are_made_in_plain_python():
+    tests = ['test/direct/test_ownership.py', 'test/minimize/test_contact_laws.py',
+             'test/minimize/test_holding.py']
+    done = subprocess.run(
+        [sys.executable, '-m', 'pytest', '-q', '-m', 'not sweep', '-p', 'no:cacheprovider', *tests],
+        cwd=ROOT, text=True, capture_output=True, check=False,
+        env={**os.environ, 'NUMBA_DISABLE_JIT': '1'})
+    assert done.returncode == 0, done.stdout[-3000:]

@@ -114,6 +114,11 @@ class Memory(Value):
         return not (self.points.element.size or self.dissipated or self.plastic.any()
                     or self.node_force.any())
 
+    @cached_property
+    def pristine(self) -> bool:
+        """Whether nothing has happened to the DLO so far."""
+        return self.idle and not (len(self.positions) or self.hold.size)
+
     @property
     def has_set(self) -> bool:
         """Whether the DLO is for good another one than it was made."""
@@ -511,6 +516,8 @@ class Discretization(Value):
         """
         if memory is not None and memory.of is self.surroundings and memory.s is self.s:
             return memory  # most steps: the one before was made here
+        if memory is not None and memory.of is self.surroundings and memory.pristine:
+            return self.start
         if memory is None or not self._suits(memory):
             memory = own
         if memory is None or not self._suits(memory):

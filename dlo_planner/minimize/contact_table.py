@@ -57,7 +57,9 @@ def touching(scene: Scene, contacts: ContactSet, lengths: Floats, state: Configu
         gaps = near_gaps(scene, o, lengths, contacts.node[o], state.strains, state.rotations,
                          state.positions, 0.0)
         for node in range(gaps.size):
-            force = contacts.node[o, node] - k * gaps[node]
+            force = contacts.node[o, node]
+            if k > 0.0:  # a gap that is not looked at is infinite
+                force -= k * gaps[node]
             if force > 0.0:
                 node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                          hessian)

@@ -290,10 +290,11 @@ def _grip_after(hold: Any, state: Configuration, wrench: Floats) -> Any:
     """Return the forces (K,) of the far end's grip, its miss in m; fill its wrench (6,)."""
     if hold is None:
         return np.zeros(0), 0.0
-    if hold.multiplier.size == 0:
-        return hold.multiplier, 0.0
+    forces = hold.multiplier.copy()  # what is returned is nobody else's
+    if forces.size == 0:
+        return forces, 0.0
     put_wrench(hold, state.rotations[-1], state.positions[-1], wrench)
-    return hold.multiplier, constraint_violation(hold, state.rotations[-1], state.positions[-1])
+    return forces, constraint_violation(hold, state.rotations[-1], state.positions[-1])
 
 
 @kernel
@@ -302,7 +303,7 @@ def _set_after(plastic: Any, system: Problem, strains: Floats) -> Any:
     if plastic is None:
         return np.zeros((system.lengths.size, 0)), 0.0, 0.0
     if plastic.share.shape[0] == 0:
-        return plastic.set, 0.0, 0.0
+        return plastic.set.copy(), 0.0, 0.0
     new, lost = return_map(system.lengths, strains, system.natural, plastic)
     return new, lost, add_plastic(system.lengths, strains, system.natural,
                                   replaced(plastic, 'set', new), np.zeros(strains.shape))
