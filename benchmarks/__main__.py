@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Timings beside the floor, peers, suite and figures; tables and pictures are written to a folder.
 
-python -m benchmarks [all | core | check | peers | suite | figures] [--output FOLDER]
+python -m benchmarks [all | core | check | counts | peers | suite | figures] [--output FOLDER]
 """
 
 import argparse
@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from time import perf_counter
 
-from benchmarks import guards, page, report, reproduction
+from benchmarks import counts, guards, page, report, reproduction
 from benchmarks.table import rows
 
 _DOCS = Path(__file__).parent.parent / 'docs' / 'benchmarks'
@@ -49,21 +49,37 @@ def check(budget, words):
     return guards.excesses(kept, now)
 
 
+def counted(words, keep):
+    """Count what the rows do whose names contain `words`; return 1 if anything has grown."""
+    kept = counts.load()
+    now = {row.name: counts.of_row(row) for row in rows() if counts.is_counted(row, words)}
+    grown = 0
+    for name, one in now.items():
+        more = counts.differences(kept.get(name, one), one)
+        grown += bool(more)
+        print(f'{name:70s}' + ''.join(f'{count:>9d}' for count in one) + f'  {", ".join(more)}')
+    if keep:
+        counts.store({**kept, **now} if words else now)
+    return int(grown > 0 and not keep)
+
+
 def main(arguments=None):
     """Run what was asked for; return the exit status."""
     parser = argparse.ArgumentParser(prog='benchmarks', description=__doc__.splitlines()[0])
     parser.add_argument('what', nargs='?', default='all',
-                        choices=('all', 'core', 'check', 'peers', 'suite', 'figures'))
+                        choices=('all', 'core', 'check', 'counts', 'peers', 'suite', 'figures'))
     parser.add_argument('--output', type=Path, default=_DOCS)
     parser.add_argument('--budget', type=float, default=2.0, help='s for a row')
     parser.add_argument('--rows', default='', help='only rows whose names contain this')
-    parser.add_argument('--store', action='store_true', help='keep the ratios for `check`')
+    parser.add_argument('--store', action='store_true', help='keep the ratios for `check`, the counts for `counts`')
     given = parser.parse_args(arguments)
     started = perf_counter()
     if given.what == 'check':
         found = check(given.budget, given.rows)
         print('\n'.join(map(str, found)) or 'no ratio has grown by 30 %')
         return 1 if found else 0
+    if given.what == 'counts':
+        return counted(given.rows, given.store)
     if given.what in ('all', 'core'):
         ratios = core(given.output, given.budget, given.rows)
         if given.store:

@@ -51,6 +51,7 @@ class Row:
         time: function of a budget (s) that returns a Timed, in s per unit of the name
         unit: 's', 'ms', 'us', or '' for a bare number
         guarded: whether its ratio to the floor must not grow
+        make: function that prepares its Work; None of what is no call
     """
 
     name: str
@@ -58,6 +59,7 @@ class Row:
     time: Callable[[float], Timed]
     unit: str = 'ms'
     guarded: bool = True
+    make: Callable[[], Work | list[Work]] | None = None
 
 
 def row(name: str, make: Callable, *goals: Goal, floor: str = 'warm', unit: str = 'ms',
@@ -75,4 +77,4 @@ def row(name: str, make: Callable, *goals: Goal, floor: str = 'warm', unit: str 
         calls = [prepared] if isinstance(prepared, Work) else prepared
         return measure(calls, rulers, budget, clock)
 
-    return Row(name, goals, time, unit)
+    return Row(name, goals, time, unit, make=make)

@@ -608,7 +608,10 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     """Return the Shape of a Solution: all that simulators return are made here."""
     around, before = mesh.surroundings, memory or mesh.start
     hangs = mesh.hangs and far_end is None  # then the next step does not count from here
-    freeze(end[:4] if hangs else end[:8])
+    for one in end[:4]:
+        one.flags.writeable = False
+    if not hangs:
+        freeze(end[4:8])
     violation = max(end.violation, end.inside)
     bound = around.pinned or far_end is not None or mesh.obstructed and not culled
     reach = np.inf if far_end is None else reach_of(mesh, distance(far_end, gripper))
@@ -620,14 +623,18 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
         after = memory_after(mesh, end, before, culled)
         if mesh.obstructed and not culled:
             contacts = contacts_of(mesh.s, end.contacts, gripper.position)
-    return Shape(
-        gripper, mesh.s, end.positions, end.frames, end.strains, end.energy, end.elastic,
-        end.wrench, end.residual, end.stability, end.iterations, bool(good), contacts=contacts,
+    shape = Shape.__new__(Shape)  # its arrays are its own: to judge them takes as long as a step
+    put(shape, gripper=gripper, s=mesh.s, positions=end.positions, frames=end.frames,
+        element_strains=end.strains, energy=end.energy, elastic_energy=end.elastic,
+        gripper_wrench=end.wrench, residual=end.residual, stability=end.stability,
+        iterations=end.iterations, converged=bool(good), jumped=False, contacts=contacts,
         evaluations=evaluations, violation=violation, far_end=far_end,
         far_wrench=NO_WRENCH if far_end is None else end.far_wrench, dissipated=after.dissipated,
-        state=State(mesh, after, before, partial(
-            estimated, mesh, gripper, end.strains, end.positions, before, far_end, culled),
-            culled and not end.acts, end.kicks))
+        parts=None, state=State.__new__(State))
+    put(shape.state, mesh=mesh, history=after, before=before, estimate=partial(
+        estimated, mesh, gripper, end.strains, end.positions, before, far_end, culled),
+        culled=culled and not end.acts, kicks=end.kicks)
+    return shape
 
 
 def memory_after(mesh: Discretization, end: Solution, before: Memory, culled: bool) -> Memory:

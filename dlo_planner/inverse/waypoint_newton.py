@@ -539,6 +539,7 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
         mesh.s, goals, np.array(s), np.array(free), within, limits, float(least), watched,
         TOLERANCE, _EXACT if reach is None else _STILL, _NEWTON_STEPS)
     strains, rotations, positions, wrenches, numbers = found
+    freeze((*found, bases))  # shapes have parts of them
     out = []
     for k in range(count):
         elastic, energy, residual, stability, iterations = numbers[:, k].tolist()

@@ -557,7 +557,8 @@ def _retract(system, state, step, fraction, turns, out):
         angles[e] = middle
         turned += system.lengths[e] * (one * strains[e, 2] - other * strains[e, 1])
         square += system.lengths[e] * (one * one + other * other)
-    common = turned / square if abs(turned) < _MOST_COMMON * square else 0.0
+    # (what two grips hold does not turn as a whole)
+    common = turned / square if not is_held(system) and abs(turned) < _MOST_COMMON * square else 0.0
     for e in range(system.lengths.size):
         one = state.strains[e, 1] + strains[e, 1] + common * state.strains[e, 2]
         other = state.strains[e, 2] + strains[e, 2] - common * state.strains[e, 1]

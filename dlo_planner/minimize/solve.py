@@ -253,8 +253,9 @@ def outcome(system: Problem, state: Configuration, origin: Floats, residual: flo
     hold, missed = _grip_after(effects.hold, state, far_wrench)
     plastic, lost, springs = _set_after(effects.plastic, system, state.strains)
     forces, contacts, inside = _contacts_after(effects.contact, system, state, origin, ended)
-    return (state.strains, state.rotations, positions, wrench, far_wrench, hold, plastic, forces,
-            contacts, elastic + springs, energy + springs, lost, missed, inside,
+    # copies: what a Shape has is no array of a search
+    return (state.strains.copy(), state.rotations.copy(), positions, wrench, far_wrench, hold,
+            plastic, forces, contacts, elastic + springs, energy + springs, lost, missed, inside,
             is_stationary(system, state, residual, rounding))
 
 
