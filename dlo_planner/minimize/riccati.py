@@ -65,7 +65,8 @@ def _inverse_by_pivots(a):
     xy, xz, yz = -l10 * i1 - l21 * low * i2, low * i2, -l21 * i2
     inverse = (i0 + l10 * l10 * i1 + low * low * i2, xy, xz, xy, i1 + l21 * l21 * i2, yz,
                xz, yz, i2)
-    return inverse, (d0 <= 0) + (minor * i0 <= 0) + (d2 <= 0)
+    # (in plain Python, where they are NumPy's, two truths would add up to one)
+    return inverse, int(d0 <= 0) + int(minor * i0 <= 0) + int(d2 <= 0)
 
 
 @kernel(forceinline=True)
