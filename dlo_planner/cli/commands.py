@@ -160,8 +160,9 @@ def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None, start:
     the amount), or with --prove it is not safe.
     """
     checked(options['outputs'], _PLAN_ENDINGS)
-    cutouts = [CutOut(pose, radius=radius or dlo.values['cutouts.radius'] or None)
-               for pose in holes]
+    if radius is None:
+        radius = dlo.values['cutouts.radius'] or None  # 0: not known
+    cutouts = [CutOut(pose, radius=radius) for pose in holes]
     _finish(dlo, _planned(dlo, threading_of(cutouts), start, deadline), **options)
 
 
@@ -225,7 +226,8 @@ def _planned(dlo: Described, task: Task, start: Pose | None, deadline: float | N
     values = dlo.values
     with Bar('waypoints') as bar:
         return plan_task(inverse_of(values, dlo.direct), task, values, start=start, progress=bar,
-                         deadline=deadline or values['threading.planning_deadline'])
+                         deadline=values['threading.planning_deadline'] if deadline is None
+                         else deadline)
 
 
 def _finish(dlo: Described, found: Plan, prove: bool, outputs: Iterable[Path]) -> None:

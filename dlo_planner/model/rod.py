@@ -460,7 +460,7 @@ def _arm(rod: Rod, size: float, mass: float, radius: float | None, center: float
     """Return how far from the body's center, m, the two masses are that stand for it."""
     most = mass * min(center, size - center) ** 2
     if inertia is None:
-        across = radius or (0.0 if rod.radius is None else rod.radii([rod.length])[0])
+        across = rod.radii([rod.length])[0] if radius is None else radius
         inertia = min(mass * (3 * across**2 + size**2) / 12, most)
     else:
         inertia = number('inertia', inertia, InvalidRod, minimum=0, maximum=most)
