@@ -185,13 +185,14 @@ def plan(dlo: Described, task: Path, start: Pose | None, deadline: float | None,
     \b
     insert.yaml:
       type: Insert
-      bore: {type: CutOut, pose: {position: [0.4, 0, 1]}, radius: 0.012}
+      bore: {pose: {position: [0.4, 0, 1]}, radius: 0.012}
       depths: [0, 0.02, 0.04, 0.06]
 
     Exit code 3: there is no such plan, or with --prove it is not safe.
     """
     checked(options['outputs'], _PLAN_ENDINGS)
-    _finish(dlo, _planned(dlo, read_task(task), start, deadline), **options)
+    read = read_task(task, dlo.values['cutouts.radius'] or None)  # 0: not known
+    _finish(dlo, _planned(dlo, read, start, deadline), **options)
 
 
 @click.command('replay')

@@ -21,10 +21,11 @@ from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.extras import extra
 from dlo_planner.files import text_of, writable
 from dlo_planner.identify.observation import Observation
-from dlo_planner.inverse.plain_tasks import from_plain
+from dlo_planner.inverse.plain_tasks import FieldKind, from_plain
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import row, shown, vector
+from dlo_planner.model.checks import did_you_mean, row, shown, vector
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
+from dlo_planner.model.plain_poses import pose_of, pose_of_numbers
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.settings.build import direct_of, doubts
@@ -139,34 +140,6 @@ class Bar:
         self.close()
 
 
-_LEVEL = (0.0, 0.0, 0.0, 1.0)
-
-
-def pose_of_numbers(name: str, numbers: Sequence[float]) -> Pose:
-    """Return the Pose of 3 (level), 6 (place, direction) or 7 numbers (place, quaternion)."""
-    given = row(name, numbers)
-    if given.size == 3:
-        return Pose(given, _LEVEL)
-    if given.size == 6:
-        return Pose.looking_along(given[:3], given[3:])
-    if given.size == 7:
-        return Pose(given[:3], given[3:])
-    raise InvalidTask(f'{name} = {shown(given.tolist())}: expected 3, 6 or 7 numbers: a place, '
-                      'and a direction or a quaternion')
-
-
-def pose_of(name: str, content: object) -> Pose:
-    """Return the Pose that a part of a YAML file says: numbers, or as geometry_msgs/Pose."""
-    if isinstance(content, list):
-        return pose_of_numbers(name, content)
-    if not isinstance(content, dict) or 'position' not in content:
-        raise InvalidTask(f'{name} = {shown(content)}: expected position and orientation, or '
-                          '3, 6 or 7 numbers')
-    turned = content.get('orientation', content.get('quaternion', _LEVEL))
-    return Pose(_numbers(f'{name}.position', content['position'], 'xyz'),
-                _numbers(f'{name}.orientation', turned, 'xyzw'))
-
-
 def read_poses(path: Path) -> list[Pose]:
     """Return the Poses of a YAML or JSON file: a list of poses, as `-o x.poses.yaml` writes it."""
     content = read_yaml(path)
@@ -239,29 +212,15 @@ def _obstacle(name: str, content: object) -> Obstacle:
         isinstance(content, dict) and len(content) == 1) else ('', None)
     if kind not in _KINDS or not isinstance(given, dict):
         raise InvalidTask(f'{name} = {shown(content)}: expected one of {", ".join(_KINDS)}, with '
-                          'its values')
-    named = {'type': _KINDS[kind], **given}
-    if 'pose' in given:
-        named['pose'] = pose_of(f'{name}.pose', given['pose'])
-    try:
-        return cast(Obstacle, from_plain(f'{name}.{kind}', named))
-    except DloPlannerError as error:
-        said = str(error)
-        raise InvalidTask(said if said.startswith(name) else f'{name}: {said}') from None
+                          f'its values{did_you_mean(kind, _KINDS)}')
+    cls = _KINDS[kind]
+    if given.get('type', cls.__name__) != cls.__name__:
+        raise InvalidTask(f'{name}.{kind}.type = {shown(given["type"])}: expected none, its name '
+                          'says it')
+    return cast(Obstacle, from_plain(f'{name}.{kind}', given, expected=FieldKind(cls, False)))
 
 
-_KINDS = {one.__name__.lower(): one.__name__ for one in OBSTACLES}
-
-
-def _numbers(name: str, content: Any, keys: str) -> ArrayLike:
-    if isinstance(content, dict):
-        if not set(content) <= set(keys):
-            raise InvalidTask(f'{name} = {shown(content)}: expected {", ".join(keys)}')
-        given = {**dict.fromkeys(keys, 0.0), **content}
-        if keys == 'xyzw' and not content.get('w') and not any(content.values()):
-            given['w'] = 1.0
-        return [given[key] for key in keys]
-    return row(name, content)
+_KINDS = {one.__name__.lower(): one for one in OBSTACLES}
 
 
 PICTURES, FILMS, VALUES = ('.png', '.svg', '.pdf'), ('.gif', '.mp4'), ('.npz', '.json')
