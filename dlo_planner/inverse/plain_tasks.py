@@ -114,7 +114,7 @@ def judge_keys(name: str, content: Mapping[str, Any], cls: type[Value]) -> None:
     if issubclass(cls, Pose):
         pose_of(name, content)
         return
-    known_keys(name, content, (_TYPE, *(item.name for item in fields(cls) if item.init)))  # type: ignore[arg-type]
+    _judge_own_keys(name, content, cls)
     for field, (kind, several) in value_fields(cls).items():
         for part in (content.get(field) or () if several else [content.get(field)]):
             if isinstance(part, Mapping) and part.get(_TYPE) in (None, kind.__name__):
@@ -163,6 +163,11 @@ def _not_finite(content: Any) -> Any:
     return NOT_FINITE.get(content, content) if isinstance(content, str) else content
 
 
+def _judge_own_keys(name: str, content: Mapping[str, Any], cls: Any) -> None:
+    known_keys(name, {key: part for key, part in content.items() if key != _TYPE},
+               sorted(item.name for item in fields(cls) if item.init))
+
+
 def _value(name: str, content: Mapping[str, Any], depth: int,
            expected: FieldKind | None = None) -> object:
     kind, alone = content.get(_TYPE), None
@@ -181,8 +186,7 @@ def _value(name: str, content: Mapping[str, Any], depth: int,
                           'penalties, cut-outs or obstacles that has been imported'
                           f'{did_you_mean(kind, known)}')
     cls = known[str(kind)] if alone is None else alone
-    known_keys(name, {key: part for key, part in content.items() if key != _TYPE},
-               sorted(item.name for item in fields(cls) if item.init))
+    _judge_own_keys(name, content, cls)
     missing = [item.name for item in fields(cls) if item.init and item.name not in content
                and item.default is item.default_factory is MISSING]
     if missing:

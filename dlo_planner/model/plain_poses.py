@@ -5,8 +5,6 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from numpy.typing import ArrayLike
-
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import known_keys, row, shown
 from dlo_planner.model.pose import Pose
@@ -44,14 +42,19 @@ def pose_of(name: str, content: object) -> Pose:
     if len(turned) == 2:
         raise InvalidTask(f'{name}: expected orientation or quaternion, which mean the same, not '
                           'both')
-    return Pose(_numbers(f'{name}.position', content['position'], 'xyz'),
-                _numbers(f'{name}.{turned[0]}', content[turned[0]], 'xyzw') if turned else _LEVEL)
+    try:
+        return Pose(_numbers(f'{name}.position', content['position'], 'xyz'),
+                    _numbers(f'{name}.{turned[0]}', content[turned[0]], 'xyzw') if turned
+                    else _LEVEL)
+    except InvalidTask as error:  # which knows the class, not where it stands
+        said = str(error)
+        raise InvalidTask(said if said.startswith(name) else f'{name}: {said}') from None
 
 
-def _numbers(name: str, content: Any, keys: str) -> ArrayLike:
-    """Return the numbers of {x: ..., y: ...}, of which those left out are 0, or of a list."""
+def _numbers(name: str, content: Any, keys: str) -> Any:
+    """Return the numbers of {x: ..., y: ...}, of which those left out are 0; else what it is."""
     if not isinstance(content, Mapping):
-        return row(name, content)
+        return content
     known_keys(name, content, keys)
     given = {**dict.fromkeys(keys, 0.0), **content}
     if keys == 'xyzw' and 'w' not in content and not any(content.values()):

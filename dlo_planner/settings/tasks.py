@@ -119,8 +119,7 @@ def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: flo
             here = pose if here is None or first is None else pose.compose(
                 first.inverse()).compose(here)
         if here is None:
-            raise InvalidTask(f'{name}: expected the pose of its '
-                              f'{"place" if bare else "cut-out"}, which it does not say')
+            raise InvalidTask(f'{name}: expected a pose, of its own or asked for')
         if bare:
             return here
         cutout = {**(place or {}), 'pose': here}
