@@ -26,7 +26,6 @@ from dlo_planner.cli.io import (
     Described,
     checked,
     described,
-    read_observations,
     read_poses,
     write,
     write_table,
@@ -54,6 +53,7 @@ from dlo_planner.settings.build import (
     parameters_of_fit,
     tolerance_of,
 )
+from dlo_planner.settings.looks import UNITS, read_observations
 from dlo_planner.settings.tasks import plan_task, read_task
 from dlo_planner.settings.yaml_files import write_values
 from dlo_planner.verify.replay import replay as replayed

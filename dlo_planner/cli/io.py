@@ -20,7 +20,6 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.extras import extra
 from dlo_planner.files import text_of, writable
-from dlo_planner.identify.observation import Observation
 from dlo_planner.inverse.plain_tasks import FieldKind, from_plain
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import did_you_mean, row, shown, vector
@@ -156,54 +155,6 @@ def read_obstacles(path: Path) -> tuple[Obstacle, ...]:
     if not isinstance(content, list):
         raise InvalidTask(f'{path}: expected a list of obstacles')
     return tuple(_obstacle(f'{path}[{k}]', one) for k, one in enumerate(content))
-
-
-def read_observations(paths: Sequence[Path], grippers: Sequence[Pose]) -> list[Observation]:
-    """Return Observations: of YAML files, each with its grippers; of CSV files x, y, z."""
-    tables = [path for path in paths if path.suffix.lower() == '.csv']
-    if len(tables) != len(grippers):
-        raise InvalidTask(f'--gripper was given {len(grippers)} times: expected once for each of '
-                          f'the {len(tables)} CSV files')
-    left, out = iter(grippers), []
-    for path in paths:
-        if path.suffix.lower() == '.csv':
-            out.append(Observation(next(left), _points_of_table(path)))
-        else:
-            out += _observations(path)
-    return out
-
-
-def _observations(path: Path) -> list[Observation]:
-    content = read_yaml(path)
-    if isinstance(content, dict):
-        content = content.get('observations', [content])
-    if not isinstance(content, list) or not content:
-        raise InvalidTask(f'{path}: expected a list of observations')
-    out = []
-    for k, one in enumerate(content):
-        if not isinstance(one, dict) or not {'gripper', 'points'} <= one.keys():
-            raise InvalidTask(f'{path}[{k}]: expected gripper: and points:')
-        out.append(Observation(pose_of(f'{path}[{k}].gripper', one['gripper']), one['points'],
-                               one.get('s')))
-    return out
-
-
-def _points_of_table(path: Path) -> Floats:
-    """Return (n, 3) of a CSV file, its heading left out."""
-    rows: list[list[float]] = []
-    try:
-        table = list(csv.reader(text_of(path).splitlines()))
-    except csv.Error as error:
-        raise InvalidTask(f'{path}: expected lines of x, y, z, {error}') from None
-    for number, cells in enumerate(table, start=1):
-        try:
-            rows.append([float(cell) for cell in cells[:3]])
-        except ValueError:
-            if number > 1:
-                raise InvalidTask(f'{path}, line {number}: expected x, y, z') from None
-    if not rows or any(len(one) != 3 for one in rows):
-        raise InvalidTask(f'{path}: expected lines of x, y, z in m')
-    return np.array(rows)
 
 
 def _obstacle(name: str, content: object) -> Obstacle:
