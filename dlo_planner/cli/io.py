@@ -12,22 +12,23 @@ from typing import Any, NamedTuple, cast
 
 import click
 import numpy as np
-from numpy.typing import ArrayLike
 
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.extras import extra
-from dlo_planner.files import text_of, writable
+from dlo_planner.files import writable
 from dlo_planner.inverse.plain_tasks import FieldKind, from_plain
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import did_you_mean, row, shown, vector
+from dlo_planner.model.checks import did_you_mean, shown, vector
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.plain_poses import pose_of, pose_of_numbers
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import doubts
 from dlo_planner.plan.plan import Plan
-from dlo_planner.settings.build import direct_of, doubts
+from dlo_planner.settings.build import direct_of
+from dlo_planner.settings.looks import read_observations  # noqa: F401  (part of what files say)
 from dlo_planner.settings.yaml_files import read_values, read_yaml, yaml_of
 from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport

@@ -315,6 +315,9 @@ def _fit(observed: MeasurementModel, statistics: Statistics, found: OptimizeResu
     here = observed.at(found.x)
     misfit = float(np.sqrt(np.mean(np.sum(here.away**2, axis=1))))
     doubt = _unexplained(statistics, observed.rod.length, noise, misfit)
+    if not doubt and unknowns.run_off(x):
+        doubt = (f'{", ".join(unknowns.run_off(x))} ran off, to 1e8 times its first guess or a '
+                 f'part of it: {_CHECKS}')
     wider = _student(statistics.freedom) if noise is None else 1.0
     return Fit(unknowns.of(x), unknowns.values(x),
                unknowns.deviations(x, wider * statistics.deviations[:unknowns.size]), misfit,
@@ -348,7 +351,7 @@ def _unexplained(statistics: Statistics, length: float, noise: float | None,
 
 
 _DEVIATIONS = (1.0, 1.96)  # within which 68 % and 95 % of the errors ought to be
-_MOSTLY = 0.65  # weight of the first
+_MOSTLY = 0.6  # weight of the first
 
 
 def _student(freedom: float) -> float:

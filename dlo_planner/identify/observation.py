@@ -76,7 +76,8 @@ class Observation(Value):
     def _checked_way(self) -> tuple[tuple[Pose, FarEnd | None], ...]:
         """Return the grips from which the search begins as pairs of Pose and FarEnd."""
         out = []
-        for k, pair in enumerate(items('Observation.initial', self.initial, (tuple, list), least=1)):
+        pairs = items('Observation.initial', self.initial, (tuple, list), least=1)
+        for k, pair in enumerate(pairs):
             name = f'Observation.initial[{k}]'
             if len(pair) != 2:  # noqa: PLR2004
                 raise InvalidTask(f'{name} = {shown(pair)}: expected the pose of the gripper and '

@@ -291,6 +291,11 @@ class Unknowns:
             self.upper[damped] = np.inf
         self.begin = np.where(self.lower > -_OFF, self.lower + _OFF, 0.0)
 
+    def run_off(self, x: Floats) -> list[str]:
+        """Return the names of stiffnesses and masses that are as far from the guess as may be."""
+        return [name for name in self.names if name in _LOGARITHMS and (
+            np.abs(x[self.parameters.columns(name)[0]]) > _LARGEST - _OFF).any()]
+
     def of(self, x: Floats) -> Rod:
         """Return the Rod at unknowns x (n,)."""
         return self.parameters.at(self.units * x)

@@ -52,11 +52,12 @@ def value_fields(cls: type[Value]) -> dict[str, FieldKind]:
         return {}
     found = {}
     for name, hint in hints.items():
-        if get_origin(hint) in (Union, UnionType):
-            parts = [part for part in get_args(hint) if part is not NoneType]
-            hint = parts[0] if len(parts) == 1 else None
-        several = get_origin(hint) is tuple
-        kind = get_args(hint)[0] if several else hint
+        options = [part for part in (get_args(hint) if get_origin(hint) in (Union, UnionType)
+                                     else (hint,)) if part is not NoneType]
+        several = get_origin(options[0]) is tuple
+        kind = get_args(options[0])[0] if several else options[0]
+        if len(options) > 1:
+            continue
         if isinstance(kind, type) and issubclass(kind, Value) and (
                 kind is Pose or is_dataclass(kind) and not isabstract(kind)) and kind not in (
                     Shape, Plan):

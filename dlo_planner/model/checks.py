@@ -42,8 +42,8 @@ def shown(value: object) -> str:
 
 def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
            minimum: float = -np.inf, above: float = -np.inf, maximum: float = np.inf,
-           below: float = np.inf) -> float:
-    """Return `value` as a finite float within the limits, or raise `error`.
+           below: float = np.inf, unit: str = '') -> float:
+    """Return `value` as a finite float within the limits, or raise `error`; `unit`: of both.
 
     Numbers are Python's and NumPy's real ones; strings and booleans are none. Their size is at most
     1e75, and 1e-75 at least where they have to be above 0: products of a few stay finite.
@@ -58,7 +58,8 @@ def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
         result = np.inf
     if not (np.isfinite(result) and minimum <= result <= maximum and above < result < below):
         limits = ('>=', minimum), ('>', above), ('<=', maximum), ('<', below)
-        said = ' and '.join(f'{sign} {limit:g}' for sign, limit in limits if np.isfinite(limit))
+        said = ' and '.join(f'{sign} {limit:g} {unit}'.rstrip()
+                            for sign, limit in limits if np.isfinite(limit))
         raise error(f'{name} = {shown(value)}: expected a finite number {said}'.rstrip())
     if abs(result) > _EXTREME or above == 0 and result < 1 / _EXTREME:
         raise error(f'{name} = {shown(value)}: expected a size of at most {_EXTREME:g}'

@@ -186,6 +186,10 @@ def _look_of(path: Path, gripper: Pose, table: Mapping[str, Floats]) -> Observat
                           f'{", ".join(table) or "none of them"}{_ON_COMMAS}')
     count = len(next(iter(table.values())))
     given: dict[str, Any] = {}
+    others = [name for name in table if name not in (*_AXES, 's', *_TIMES, *_IDLE)]
+    if missing and others:
+        raise InvalidTask(f'{path}: expected a column {missing[0]}, or of a picture none that is '
+                          f'not known, got {", ".join(table)}{did_you_mean(others[0], missing)}')
     if missing:
         warn(f'{path}: a look without {missing[0]}, which counts as not measured', DoubtfulInput,
              stacklevel=2)

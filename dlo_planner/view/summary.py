@@ -184,7 +184,7 @@ def _report_rows(report: ValidationReport) -> list[Row]:
 def _fit_rows(fit: Fit) -> list[Row]:
     """Return the rows of a Fit: each number with its standard deviation."""
     numbers, spread = (flat(values) for values in (fit.values, fit.deviations))
-    return [('status', fit.status, ''), *([('because', fit.doubt, '')] if fit.doubt else []),
+    return [('status', fit.status, ''),
             ('misfit', figure(fit.misfit), 'm'), ('noise', figure(fit.noise), 'm'),
             *([] if np.isnan(fit.birge_ratio) else [
                 ('off by, of what the noise tells', figure(fit.birge_ratio), 'times')]),
