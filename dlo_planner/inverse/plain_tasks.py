@@ -9,7 +9,6 @@ values of one class alone, as `Thread.cutout` can.
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, fields, is_dataclass
-from functools import lru_cache
 from inspect import isabstract
 from os import PathLike
 from types import NoneType, UnionType
@@ -40,7 +39,6 @@ class FieldKind(NamedTuple):
     several: bool      # whether it is a tuple of them
 
 
-@lru_cache(256)
 def value_fields(cls: type[Value]) -> dict[str, FieldKind]:
     """Return the fields of a class that hold values of one class.
 
@@ -50,7 +48,7 @@ def value_fields(cls: type[Value]) -> dict[str, FieldKind]:
         hints = get_type_hints(cls)
     except NameError:
         return {}
-    found = {}
+    found: dict[str, FieldKind] = {}
     for name, hint in hints.items():
         options = [part for part in (get_args(hint) if get_origin(hint) in (Union, UnionType)
                                      else (hint,)) if part is not NoneType]
@@ -58,9 +56,8 @@ def value_fields(cls: type[Value]) -> dict[str, FieldKind]:
         kind = get_args(options[0])[0] if several else options[0]
         if len(options) > 1:
             continue
-        if isinstance(kind, type) and issubclass(kind, Value) and (
-                kind is Pose or is_dataclass(kind) and not isabstract(kind)) and kind not in (
-                    Shape, Plan):
+        if (isinstance(kind, type) and issubclass(kind, Value) and is_dataclass(kind)
+                and not isabstract(kind) and not issubclass(kind, Shape | Plan)):
             found[name] = FieldKind(kind, several)
     return found
 
@@ -186,7 +183,7 @@ def _value(name: str, content: Mapping[str, Any], depth: int,
         raise InvalidTask(f'{name}.type = {shown(kind)}: expected the name of a class of tasks, '
                           'penalties, cut-outs or obstacles that has been imported'
                           f'{did_you_mean(kind, known)}')
-    cls = known[str(kind)] if alone is None else alone
+    cls: Any = known[str(kind)] if alone is None else alone
     _judge_own_keys(name, content, cls)
     missing = [item.name for item in fields(cls) if item.init and item.name not in content
                and item.default is item.default_factory is MISSING]

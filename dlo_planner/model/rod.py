@@ -4,10 +4,10 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from inspect import currentframe
 from typing import Any
 from warnings import warn
 
@@ -325,8 +325,8 @@ def doubts(rod: Rod, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> list[str]:
                      'or N m^2?')
     if density > 0 and not _DENSITIES[0] <= density <= _DENSITIES[1]:
         found.append(f'density {density:.3g} kg/m^3 by its mass and section, solids have '
-                     f'{_DENSITIES[0]:g} to {_DENSITIES[1]:g}: is it in kg/m^3, its mass in kg/m, its '
-                     'diameter in m?')
+                     f'{_DENSITIES[0]:g} to {_DENSITIES[1]:g}: is it in kg/m^3, its mass in kg/m, '
+                     'its diameter in m?')
     return [f'rod: {one}' for one in found]
 
 
@@ -335,9 +335,9 @@ def _level_of_user() -> int:
 
     Parts of a DLO, and the thousands that a search tries, are no statement of anybody.
     """
-    level, frame = 1, sys._getframe(1)
+    level, frame = 0, currentframe()
     while frame is not None and frame.f_globals.get('__name__') in _OWN:
-        level, frame = level + 1, frame.f_back  # type: ignore[assignment]
+        level, frame = level + 1, frame.f_back
     home = '' if frame is None else str(frame.f_globals.get('__name__', ''))
     return 0 if not home or home.startswith(_PACKAGE) else level
 
