@@ -75,7 +75,7 @@ class Fit(Answer):
         that are infinite, of what remains open.
     birge_ratio : float
         Root of chi-square over its degrees of freedom, by the noise and the uncertainties as
-        stated: about 1 where they are right. It has widened all deviations where it is larger; nan
+        stated: about 1 where they are right. It has widened all deviations where it is larger; 1
         where the noise was not stated.
     doubt : str
         Why the rod does not explain the points, and what to check; '' if it does.
@@ -89,7 +89,7 @@ class Fit(Answer):
     noise: float = np.nan
     grippers: tuple[Pose, ...] = ()
     correlations: Floats | None = None
-    birge_ratio: float = np.nan
+    birge_ratio: float = 1.0
     doubt: str = ''
 
     def __post_init__(self) -> None:
@@ -323,7 +323,7 @@ def _fit(observed: MeasurementModel, statistics: Statistics, found: OptimizeResu
                unknowns.deviations(x, wider * statistics.deviations[:unknowns.size]), misfit,
                bool(found.success and all(here.solved) and not doubt), statistics.noise,
                observed.grippers(found.x), correlations,
-               np.nan if noise is None else float(np.sqrt(statistics.excess)), doubt)
+               1.0 if noise is None else float(np.sqrt(statistics.excess)), doubt)
 
 
 _CHANCE = 1e-4    # that the noise as stated leaves so much: less is none

@@ -307,7 +307,8 @@ def doubts(rod: Rod, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> list[str]:
     middle, thickness = [0.5 * rod.length], 2 * Surface.of(rod).radius
     per_length = float(rod.masses_per_length(middle)[0])
     weight = per_length * np.linalg.norm(np.asarray(gravity, dtype=float))
-    limpness = float(weight * rod.length**3 / rod.stiffnesses(middle)[0, 1:].min())
+    with np.errstate(over='ignore'):  # of what is 1e75 m long, as Rod may be
+        limpness = float(weight * rod.length**3 / rod.stiffnesses(middle)[0, 1:].min())
     area = np.pi * rod.radii(middle)[0]**2 if rod.section is None else rod.section.area
     density = per_length / area if area > 0 else 0.0
     found = []

@@ -186,7 +186,7 @@ def _fit_rows(fit: Fit) -> list[Row]:
     numbers, spread = (flat(values) for values in (fit.values, fit.deviations))
     return [('status', fit.status, ''),
             ('misfit', figure(fit.misfit), 'm'), ('noise', figure(fit.noise), 'm'),
-            *([] if np.isnan(fit.birge_ratio) else [
+            *([] if fit.birge_ratio == 1 else [
                 ('off by, of what the noise tells', figure(fit.birge_ratio), 'times')]),
             *(_deviating(*row) for row in zip(fit.names, numbers, spread, strict=True))]
 
