@@ -318,7 +318,7 @@ def _fit(observed: MeasurementModel, statistics: Statistics, found: OptimizeResu
     if not doubt and unknowns.run_off(x):
         doubt = (f'{", ".join(unknowns.run_off(x))} ran off, to 1e8 times its first guess or a '
                  f'part of it: {_CHECKS}')
-    wider = _student(statistics.freedom) if noise is None else 1.0
+    wider = student_widening(statistics.freedom) if noise is None else 1.0
     return Fit(unknowns.of(x), unknowns.values(x),
                unknowns.deviations(x, wider * statistics.deviations[:unknowns.size]), misfit,
                bool(found.success and all(here.solved) and not doubt), statistics.noise,
@@ -351,10 +351,10 @@ def _unexplained(statistics: Statistics, length: float, noise: float | None,
 
 
 _DEVIATIONS = (1.0, 1.96)  # within which 68 % and 95 % of the errors ought to be
-_MOSTLY = 0.6  # weight of the first
+_MOSTLY = 0.65  # weight of the first
 
 
-def _student(freedom: float) -> float:
+def student_widening(freedom: float) -> float:
     """Return by how much deviations grow whose noise is told by `freedom` numbers.
 
     By what 68 and 95 % of Student's t lie within, against the normal distribution; no factor is
