@@ -35,6 +35,13 @@ class InvalidTask(DloPlannerError, ValueError):
     """A pose, cut-out, option or request makes no sense; the message says which and why."""
 
 
+class DoubtfulInput(UserWarning):
+    """What was given is possible, but probably not meant: in another unit, or beyond the model.
+
+    A warning, shown by Python's `warnings`, on the terminal and in the node's log.
+    """
+
+
 class MissingExtra(DloPlannerError, ModuleNotFoundError):
     """An optional package is not installed; the message names the extra that installs it."""
 

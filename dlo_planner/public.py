@@ -11,6 +11,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import (
     DeadlineExceeded,
     DloPlannerError,
+    DoubtfulInput,
     Infeasible,
     InvalidRod,
     InvalidTask,
@@ -42,9 +43,9 @@ from dlo_planner.verify.replay import replay
 from dlo_planner.verify.robustness import robustness
 
 __all__ = ['Box', 'Capsule', 'ClosedLoop', 'CutOut', 'Cylinder', 'DeadlineExceeded',
-           'DirectSimulator', 'DloPlannerError', 'Ellipsoid', 'FarEnd', 'HoldContact', 'Infeasible',
-           'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator', 'LayOnLine', 'Limits',
-           'Minimize', 'NotConverged', 'Observer', 'Plan', 'Plane', 'PointLoad', 'Pose', 'Rod',
-           'Shape', 'Sheet', 'SlideContact', 'Sphere', 'Thread', 'ThreadSequence', 'ThreadTwo',
-           'Trajectory', 'Uncertainty', 'Workspace', 'fit_rod', 'replay', 'robustness',
-           'solve_many']
+           'DirectSimulator', 'DloPlannerError', 'DoubtfulInput', 'Ellipsoid', 'FarEnd',
+           'HoldContact', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
+           'LayOnLine', 'Limits', 'Minimize', 'NotConverged', 'Observer', 'Plan', 'Plane',
+           'PointLoad', 'Pose', 'Rod', 'Shape', 'Sheet', 'SlideContact', 'Sphere', 'Thread',
+           'ThreadSequence', 'ThreadTwo', 'Trajectory', 'Uncertainty', 'Workspace', 'fit_rod',
+           'replay', 'robustness', 'solve_many']

@@ -6,3 +6,9 @@
 from stated seeds (`given.py`): `shapes.py`, `contacts.py`, `motions.py`, `plans.py`, `refusals.py`,
 listed in `kinds.py`. `frozen.py` is the file that `freezing.py` writes and `checking.py` compares.
 """
+
+from warnings import simplefilter
+
+from dlo_planner import DoubtfulInput
+
+simplefilter('ignore', DoubtfulInput)  # DLOs that are drawn at random are of any material

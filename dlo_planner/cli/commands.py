@@ -26,7 +26,6 @@ from dlo_planner.cli.io import (
     Described,
     checked,
     described,
-    read_observations,
     read_poses,
     write,
     write_table,
@@ -39,21 +38,22 @@ from dlo_planner.identify.fit import fit_rod
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.thread_sequence import threading_of
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
+from dlo_planner.model.rod import Rod, doubts
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map
 from dlo_planner.parallel.capability import QUANTITIES
 from dlo_planner.plan.plan import Plan
 from dlo_planner.settings.build import (
     NAMES,
-    doubts,
     inverse_of,
     limits_of,
     parameters_of_fit,
     tolerance_of,
 )
+from dlo_planner.settings.looks import UNITS, read_observations
 from dlo_planner.settings.tasks import plan_task, read_task
 from dlo_planner.settings.yaml_files import write_values
 from dlo_planner.verify.replay import replay as replayed
@@ -160,8 +160,11 @@ def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None, start:
     the amount), or with --prove it is not safe.
     """
     checked(options['outputs'], _PLAN_ENDINGS)
-    cutouts = [CutOut(pose, radius=radius or dlo.values['cutouts.radius'] or None)
-               for pose in holes]
+    if radius is not None:
+        radius = number('--radius', radius, above=0, unit='m')
+    else:
+        radius = dlo.values['cutouts.radius'] or None  # 0: not known
+    cutouts = [CutOut(pose, radius=radius) for pose in holes]
     _finish(dlo, _planned(dlo, threading_of(cutouts), start, deadline), **options)
 
 
@@ -184,13 +187,14 @@ def plan(dlo: Described, task: Path, start: Pose | None, deadline: float | None,
     \b
     insert.yaml:
       type: Insert
-      bore: {type: CutOut, pose: {position: [0.4, 0, 1]}, radius: 0.012}
+      bore: {pose: {position: [0.4, 0, 1]}, radius: 0.012}
       depths: [0, 0.02, 0.04, 0.06]
 
     Exit code 3: there is no such plan, or with --prove it is not safe.
     """
     checked(options['outputs'], _PLAN_ENDINGS)
-    _finish(dlo, _planned(dlo, read_task(task), start, deadline), **options)
+    read = read_task(task, dlo.values['cutouts.radius'] or None)  # 0: not known
+    _finish(dlo, _planned(dlo, read, start, deadline), **options)
 
 
 @click.command('replay')
@@ -225,7 +229,8 @@ def _planned(dlo: Described, task: Task, start: Pose | None, deadline: float | N
     values = dlo.values
     with Bar('waypoints') as bar:
         return plan_task(inverse_of(values, dlo.direct), task, values, start=start, progress=bar,
-                         deadline=deadline or values['threading.planning_deadline'])
+                         deadline=values['threading.planning_deadline'] if deadline is None
+                         else number('--deadline', deadline, above=0, unit='s'))
 
 
 def _finish(dlo: Described, found: Plan, prove: bool, outputs: Iterable[Path]) -> None:
@@ -347,22 +352,28 @@ _SOUGHT = ('bending_stiffness', 'natural_curvature')
 @described
 @click.argument('observations', type=READ, nargs=-1, required=True)
 @click.option('-g', '--gripper', 'grippers', **POSE, multiple=True,
-              help='Pose of the gripper for a CSV file of points; once for each of them.')
+              help='Pose of the gripper for a table of points; once for each of them.')
+@click.option('--unit', type=click.Choice(list(UNITS)), default='m', show_default=True,
+              help='Of lengths in tables whose heading states none.')
 @click.option('--find', 'names', multiple=True, default=_SOUGHT, show_default=True,
               type=click.Choice(NAMES), help='What is sought; may be repeated.')
-@click.option('--noise', type=float, help='Standard deviation of each coordinate of a point, m. '
-              'Default: from the misfit.')
+@click.option('--noise', type=float, help='Standard deviation of each coordinate of a point, m; '
+              'the misfit is held against it. Default: from the misfit.')
 @click.option('-o', '--output', 'outputs', multiple=True, metavar='FILE',
               type=click.Path(dir_okay=False, path_type=Path),
               help='Write a file; may be repeated: .yaml all parameters, for the node and as '
               'CONFIG; .csv what was found.')
 def identify(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pose, ...],
-            names: tuple[str, ...], noise: float | None, outputs: tuple[Path, ...]) -> None:
+            unit: str, names: tuple[str, ...], noise: float | None,
+            outputs: tuple[Path, ...]) -> None:
     """Find out what a DLO is like: it hangs from the gripper, points of it were seen.
 
     CONFIG is a first guess, and right in all that is not sought. OBSERVATIONS are YAML files, or
-    CSV files of points x, y, z (m, world) with --gripper for each. Two or more poses of the gripper
-    tell more. Shapes tell ratios: stiffness is found beside a mass that is known.
+    tables of points (.csv, .tsv, .npy; world) with --gripper for each. Columns are told by the
+    heading: x, y, z, and s where arc lengths are known, as "x" or "x [mm]", in any order among
+    others; without a heading they are x, y, z. Semicolons allow a decimal comma. A picture has two
+    of x, y, z: the third is not measured. Two or more poses of the gripper tell more. Shapes tell
+    ratios: stiffness is found beside a mass that is known.
 
     \b
     Examples:
@@ -375,19 +386,29 @@ def identify(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pos
       - gripper: {position: [0, 0, 1], orientation: [0, 0, 0, 1]}
         points: [[0.2, 0.0, 0.98], [0.5, 0.0, 0.86], [0.8, 0.0, 0.61]]
         s: [0.2, 0.52, 0.9]     # arc lengths in m, where they are known
+        far_end: {pose: [0.9, 0, 0.6], grip: clamped}   # where it is held
+        normal: [0, 1, 0]       # of a picture: along which nothing is measured
+        unit: m                 # of points and s: m, cm, mm, in
+        initial: before.npz     # a Shape next to that which was seen, where there are several
 
-    Exit code 3: the search did not come to its end.
+    Exit code 3: the search did not come to its end, or no such DLO has these points: swapped axes,
+    another unit or frame. Parameters (-o x.yaml) are not written then.
     """
     checked(outputs, ('.yaml', '.csv'))
     values, direct = dlo
-    observed = read_observations(observations, grippers)
+    observed = read_observations(observations, grippers, unit)
     with Bar('searches') as bar:
         fit = fit_rod(direct.rod, observed, names, noise=noise, progress=bar,
                       gravity=direct.gravity, obstacles=direct.obstacles)
     click.echo(fit.summary())
+    if fit.doubt:
+        click.echo(f'{fit.status}: {fit.doubt}', err=True)
     for path in outputs:
         if path.suffix.lower() == '.csv':
             write_table(path, ('quantity', 'value', 'deviation or unit'), rows_of(fit))
+        elif not fit.converged:  # nobody is to work with it
+            click.echo(f'not written: {path}', err=True)
+            continue
         else:
             write_values(path, values | parameters_of_fit(fit, values))
         click.echo(f'wrote {path}')

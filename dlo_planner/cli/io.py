@@ -12,22 +12,23 @@ from typing import Any, NamedTuple, cast
 
 import click
 import numpy as np
-from numpy.typing import ArrayLike
 
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.extras import extra
-from dlo_planner.files import text_of, writable
-from dlo_planner.identify.observation import Observation
-from dlo_planner.inverse.plain_tasks import from_plain
+from dlo_planner.files import writable
+from dlo_planner.inverse.plain_tasks import FieldKind, from_plain
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import row, shown, vector
+from dlo_planner.model.checks import did_you_mean, shown, vector
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
+from dlo_planner.model.plain_poses import pose_of, pose_of_numbers
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import doubts
 from dlo_planner.plan.plan import Plan
-from dlo_planner.settings.build import direct_of, doubts
+from dlo_planner.settings.build import direct_of
+from dlo_planner.settings.looks import read_observations  # noqa: F401  (part of what files say)
 from dlo_planner.settings.yaml_files import read_values, read_yaml, yaml_of
 from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
@@ -139,34 +140,6 @@ class Bar:
         self.close()
 
 
-_LEVEL = (0.0, 0.0, 0.0, 1.0)
-
-
-def pose_of_numbers(name: str, numbers: Sequence[float]) -> Pose:
-    """Return the Pose of 3 (level), 6 (place, direction) or 7 numbers (place, quaternion)."""
-    given = row(name, numbers)
-    if given.size == 3:
-        return Pose(given, _LEVEL)
-    if given.size == 6:
-        return Pose.looking_along(given[:3], given[3:])
-    if given.size == 7:
-        return Pose(given[:3], given[3:])
-    raise InvalidTask(f'{name} = {shown(given.tolist())}: expected 3, 6 or 7 numbers: a place, '
-                      'and a direction or a quaternion')
-
-
-def pose_of(name: str, content: object) -> Pose:
-    """Return the Pose that a part of a YAML file says: numbers, or as geometry_msgs/Pose."""
-    if isinstance(content, list):
-        return pose_of_numbers(name, content)
-    if not isinstance(content, dict) or 'position' not in content:
-        raise InvalidTask(f'{name} = {shown(content)}: expected position and orientation, or '
-                          '3, 6 or 7 numbers')
-    turned = content.get('orientation', content.get('quaternion', _LEVEL))
-    return Pose(_numbers(f'{name}.position', content['position'], 'xyz'),
-                _numbers(f'{name}.orientation', turned, 'xyzw'))
-
-
 def read_poses(path: Path) -> list[Pose]:
     """Return the Poses of a YAML or JSON file: a list of poses, as `-o x.poses.yaml` writes it."""
     content = read_yaml(path)
@@ -185,83 +158,21 @@ def read_obstacles(path: Path) -> tuple[Obstacle, ...]:
     return tuple(_obstacle(f'{path}[{k}]', one) for k, one in enumerate(content))
 
 
-def read_observations(paths: Sequence[Path], grippers: Sequence[Pose]) -> list[Observation]:
-    """Return Observations: of YAML files, each with its grippers; of CSV files x, y, z."""
-    tables = [path for path in paths if path.suffix.lower() == '.csv']
-    if len(tables) != len(grippers):
-        raise InvalidTask(f'--gripper was given {len(grippers)} times: expected once for each of '
-                          f'the {len(tables)} CSV files')
-    left, out = iter(grippers), []
-    for path in paths:
-        if path.suffix.lower() == '.csv':
-            out.append(Observation(next(left), _points_of_table(path)))
-        else:
-            out += _observations(path)
-    return out
-
-
-def _observations(path: Path) -> list[Observation]:
-    content = read_yaml(path)
-    if isinstance(content, dict):
-        content = content.get('observations', [content])
-    if not isinstance(content, list) or not content:
-        raise InvalidTask(f'{path}: expected a list of observations')
-    out = []
-    for k, one in enumerate(content):
-        if not isinstance(one, dict) or not {'gripper', 'points'} <= one.keys():
-            raise InvalidTask(f'{path}[{k}]: expected gripper: and points:')
-        out.append(Observation(pose_of(f'{path}[{k}].gripper', one['gripper']), one['points'],
-                               one.get('s')))
-    return out
-
-
-def _points_of_table(path: Path) -> Floats:
-    """Return (n, 3) of a CSV file, its heading left out."""
-    rows: list[list[float]] = []
-    try:
-        table = list(csv.reader(text_of(path).splitlines()))
-    except csv.Error as error:
-        raise InvalidTask(f'{path}: expected lines of x, y, z, {error}') from None
-    for number, cells in enumerate(table, start=1):
-        try:
-            rows.append([float(cell) for cell in cells[:3]])
-        except ValueError:
-            if number > 1:
-                raise InvalidTask(f'{path}, line {number}: expected x, y, z') from None
-    if not rows or any(len(one) != 3 for one in rows):
-        raise InvalidTask(f'{path}: expected lines of x, y, z in m')
-    return np.array(rows)
-
-
 def _obstacle(name: str, content: object) -> Obstacle:
     """Return what {kind: {field: value}} says: the class in small letters, its fields."""
     kind, given = next(iter(content.items())) if (
         isinstance(content, dict) and len(content) == 1) else ('', None)
     if kind not in _KINDS or not isinstance(given, dict):
         raise InvalidTask(f'{name} = {shown(content)}: expected one of {", ".join(_KINDS)}, with '
-                          'its values')
-    named = {'type': _KINDS[kind], **given}
-    if 'pose' in given:
-        named['pose'] = pose_of(f'{name}.pose', given['pose'])
-    try:
-        return cast(Obstacle, from_plain(f'{name}.{kind}', named))
-    except DloPlannerError as error:
-        said = str(error)
-        raise InvalidTask(said if said.startswith(name) else f'{name}: {said}') from None
+                          f'its values{did_you_mean(kind, _KINDS)}')
+    cls = _KINDS[kind]
+    if given.get('type', cls.__name__) != cls.__name__:
+        raise InvalidTask(f'{name}.{kind}.type = {shown(given["type"])}: expected none, its name '
+                          'says it')
+    return cast(Obstacle, from_plain(f'{name}.{kind}', given, expected=FieldKind(cls, False)))
 
 
-_KINDS = {one.__name__.lower(): one.__name__ for one in OBSTACLES}
-
-
-def _numbers(name: str, content: Any, keys: str) -> ArrayLike:
-    if isinstance(content, dict):
-        if not set(content) <= set(keys):
-            raise InvalidTask(f'{name} = {shown(content)}: expected {", ".join(keys)}')
-        given = {**dict.fromkeys(keys, 0.0), **content}
-        if keys == 'xyzw' and not content.get('w') and not any(content.values()):
-            given['w'] = 1.0
-        return [given[key] for key in keys]
-    return row(name, content)
+_KINDS = {one.__name__.lower(): one for one in OBSTACLES}
 
 
 PICTURES, FILMS, VALUES = ('.png', '.svg', '.pdf'), ('.gif', '.mp4'), ('.npz', '.json')

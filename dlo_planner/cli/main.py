@@ -4,11 +4,15 @@
 
 import re
 import sys
+import warnings
+from collections.abc import Callable
 from errno import EPIPE
+from functools import partial
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
+from warnings import catch_warnings, simplefilter
 
 try:
     import click
@@ -19,6 +23,7 @@ from dlo_planner.blas import one_thread_of_blas
 from dlo_planner.errors import (
     DeadlineExceeded,
     DloPlannerError,
+    DoubtfulInput,
     Infeasible,
     NotConverged,
 )
@@ -61,7 +66,10 @@ class Commands(click.Group):
         """Run the command; say what was wrong in a line, without a traceback."""
         one_thread_of_blas()
         try:
-            return super().invoke(ctx)
+            with catch_warnings():
+                simplefilter('always', DoubtfulInput)
+                warnings.showwarning = partial(_said, warnings.showwarning)
+                return super().invoke(ctx)
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except (Infeasible, NotConverged, DeadlineExceeded) as error:
@@ -83,6 +91,15 @@ class Commands(click.Group):
             click.echo('  a fault of dlo-planner: `dlo-planner --traceback ...` tells where',
                        err=True)
             ctx.exit(FAULT)
+
+
+def _said(otherwise: Callable[..., object], message: Warning | str, category: type[Warning],
+          *where: Any, **more: Any) -> None:
+    """Show a warning of the package in a line; others as Python does."""
+    if issubclass(category, DoubtfulInput):
+        click.echo(f'warning: {message}', err=True)
+    else:
+        otherwise(message, category, *where, **more)
 
 
 def _version() -> str:

@@ -8,6 +8,11 @@ may be known beforehand, within a normal error too, and so are other causes that
 a motion. The most likely values are found by least squares, the noise (unless known) from what is
 left, by the number of residuals that nothing was fitted to. To first order, deviations are those of
 repeated experiments; in a motion, residuals that go together widen them (`identify.noise_model`).
+
+What is left has to be noise: by chi-square where the noise was stated, else by its size. If it is
+not, the most likely rod is still not the one that was seen, and the fit is not `converged`. More
+than the stated noise widens all deviations by the root of chi-square over its degrees of freedom
+(Birge 1932, Physical Review 40); noise that few numbers tell does by Student's distribution.
 """
 
 from __future__ import annotations
@@ -19,6 +24,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import OptimizeResult
+from scipy.special import chdtrc, ndtr, stdtrit
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, known_options
@@ -59,7 +65,7 @@ class Fit(Answer):
     misfit : float
         Root mean square distance of the points from the DLO, m.
     converged : bool
-        Whether the search finished.
+        Whether the search finished, and the noise explains what the rod does not: see `status`.
     noise : float
         Standard deviation of the points along each axis, m, as given or as found.
     grippers : tuple of Pose
@@ -67,6 +73,12 @@ class Fit(Answer):
     correlations : ndarray, shape (n, n) or None
         Correlations of the errors of all numbers in `values`, row by row as in `names`; between two
         that are infinite, of what remains open.
+    birge_ratio : float
+        Root of chi-square over its degrees of freedom, by the noise and the uncertainties as
+        stated: about 1 where they are right. It has widened all deviations where it is larger; 1
+        where the noise was not stated.
+    doubt : str
+        Why the rod does not explain the points, and what to check; '' if it does.
     """
 
     rod: Rod
@@ -77,6 +89,8 @@ class Fit(Answer):
     noise: float = np.nan
     grippers: tuple[Pose, ...] = ()
     correlations: Floats | None = None
+    birge_ratio: float = 1.0
+    doubt: str = ''
 
     def __post_init__(self) -> None:
         instance('Fit.rod', self.rod, Rod)
@@ -87,15 +101,24 @@ class Fit(Answer):
             grippers=items('Fit.grippers', self.grippers, Pose))
         if self.correlations is not None:
             put(self, correlations=results('Fit.correlations', self.correlations, (None, None)))
+        put(self, birge_ratio=figure('Fit.birge_ratio', self.birge_ratio))
+        instance('Fit.doubt', self.doubt, str)
         super().__post_init__()
 
     def __repr__(self) -> str:
         open_ = [name for name, value in self.deviations.items()
                  if not np.isfinite(np.array(value, dtype=float)).all()]
-        return brief(self, 'converged' if self.converged else 'not converged',
+        return brief(self, self.status,
                      f'misfit {self.misfit:.2g} m',
                      f'not told by the observations: {", ".join(open_)}' if open_ else '',
                      *(f'{name} {figures(value)}' for name, value in self.values.items()))
+
+    @property
+    def status(self) -> str:
+        """'converged', 'does not explain the points' (`doubt` says why) or 'not converged'."""
+        if self.doubt:
+            return 'does not explain the points'
+        return 'converged' if self.converged else 'not converged'
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -152,6 +175,8 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
         None, they are constant along the rod.
     noise : float, optional
         Standard deviation of each coordinate of a point, m. If None, it is found from the misfit.
+        Stated, it is held against the misfit: a `Fit` that is off by more does not explain the
+        points.
     gripper_position, gripper_rotation : float, optional
         Standard deviations of the grippers' poses, m and rad, about each axis, independent at each
         observation, the same all along a motion; None: those of `prior`, or none. A far end is held
@@ -208,7 +233,7 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
             if _exact(observed.at(found.x).shapes[:len(observations)], rod):
                 break
             begin = found.x
-    return _fit(observed, statistics, found)
+    return _fit(observed, statistics, found, noise)
 
 
 def _found(observed: MeasurementModel, errors: MEstimator, steps: Progress,
@@ -282,13 +307,58 @@ def _judge_prior(prior: Uncertainty, unknowns: Unknowns) -> None:
                               'as known')
 
 
-def _fit(observed: MeasurementModel, statistics: Statistics, found: OptimizeResult) -> Fit:
-    """Return the Fit of SciPy's result."""
+def _fit(observed: MeasurementModel, statistics: Statistics, found: OptimizeResult,
+         noise: float | None) -> Fit:
+    """Return the Fit of SciPy's result; `noise` as it was stated."""
     unknowns, x = observed.unknowns, found.x[:observed.n_parameters]
     correlations = statistics.correlations[np.ix_(unknowns.columns, unknowns.columns)]
     here = observed.at(found.x)
     misfit = float(np.sqrt(np.mean(np.sum(here.away**2, axis=1))))
+    doubt = _unexplained(statistics, observed.rod.length, noise, misfit)
+    if not doubt and unknowns.run_off(x):
+        doubt = (f'{", ".join(unknowns.run_off(x))} ran off, to 1e8 times its first guess or a '
+                 f'part of it: {_CHECKS}')
+    wider = student_widening(statistics.freedom) if noise is None else 1.0
     return Fit(unknowns.of(x), unknowns.values(x),
-               unknowns.deviations(x, statistics.deviations[:unknowns.size]), misfit,
-               bool(found.success and all(here.solved)), statistics.noise,
-               observed.grippers(found.x), correlations)
+               unknowns.deviations(x, wider * statistics.deviations[:unknowns.size]), misfit,
+               bool(found.success and all(here.solved) and not doubt), statistics.noise,
+               observed.grippers(found.x), correlations,
+               1.0 if noise is None else float(np.sqrt(statistics.excess)), doubt)
+
+
+_CHANCE = 1e-4    # that the noise as stated leaves so much: less is none
+_KNOWN = 1.5      # factor within which people know the noise of their points: what is left may be
+_LARGEST = 0.01   # of the length: noise that is found and can be one, but
+_TRACKERS = (0.005, 0.03)  # m: trackers may be so bad with a short DLO, and are not worse
+_CHECKS = ('check the axes (x, y, z, not swapped), the unit (m), the frame (world, z up), the pose '
+           'of the gripper, and what holds the far end')
+
+
+def _unexplained(statistics: Statistics, length: float, noise: float | None,
+                 misfit: float) -> str:
+    """Return why noise cannot be what the rod of a fit leaves, '' if it can."""
+    if noise is not None:
+        ratio, freedom = np.sqrt(statistics.excess), statistics.freedom
+        if ratio <= _KNOWN or chdtrc(freedom, statistics.excess * freedom) >= _CHANCE:
+            return ''
+        return (f'points are {ratio:.3g} times as far from it as the stated noise of {noise:.3g} m '
+                f'tells (misfit {misfit:.3g} m): {_CHECKS}')
+    most = float(np.clip(_LARGEST * length, *_TRACKERS))
+    if statistics.noise <= most:
+        return ''
+    return (f'points are off it by {misfit:.3g} m on {length:.3g} m, no noise of a tracker is more '
+            f'than {most:.3g} m along each axis: {_CHECKS}')
+
+
+_DEVIATIONS = (1.0, 1.96)  # within which 68 % and 95 % of the errors ought to be
+_MOSTLY = 0.65  # weight of the first
+
+
+def student_widening(freedom: float) -> float:
+    """Return by how much deviations grow whose noise is told by `freedom` numbers.
+
+    By what 68 and 95 % of Student's t lie within, against the normal distribution; no factor is
+    right for both, a mean is within 5 and 3 points of them from 3 degrees of freedom on.
+    """
+    factors = [stdtrit(freedom, ndtr(one)) / one for one in _DEVIATIONS]
+    return float(np.exp(_MOSTLY * np.log(factors[0]) + (1 - _MOSTLY) * np.log(factors[1])))

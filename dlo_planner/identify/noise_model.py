@@ -64,6 +64,8 @@ class Statistics:
     deviations: Floats    # (n,) of the parameters, infinite where nothing is known
     correlations: Floats  # (n, n) of their errors; 0 between what is known and what is not
     noise: float          # m
+    freedom: float        # how many numbers, seen or known before, nothing was fitted to
+    excess: float         # chi-square of them by the noise as stated, over `freedom`; 1 where found
 
 
 class _Information(NamedTuple):
@@ -181,13 +183,29 @@ class MEstimator:
         if self._given is None and not self._weighed:
             noise = max(self._noise_left(x, noise), _NO_NOISE * self._observed.rod.length)
         known = self._information(x, noise)
-        spread = 1.0 if self._loss is LOSSES['linear'] else known.force / known.left
+        excess = 1.0 if self._given is None else self._excess(x, noise, known)
+        # Birge's ratio, squared: what is not explained widens all that was found by it
+        spread = max(excess, 1.0) if self._loss is LOSSES['linear'] else known.force / known.left
         # only of the parameters: instants are too few to tell how all else goes together
         to = known.inverse[:self._observed.n_parameters]
         scatter = long_run_covariance([one @ to.T for one in self._scores(x, noise)],
                                       spread * to @ known.plain @ to.T)
-        return Statistics(*_spreads(scatter + to * self._prior**2 @ to.T,
-                                    known.unknown[:len(to)]), float(noise))
+        return Statistics(*_spreads(scatter + max(excess, 1.0) * (to * self._prior**2 @ to.T),
+                                    known.unknown[:len(to)]), float(noise),
+                          self._freedom(known), excess)
+
+    def _freedom(self, known: _Information) -> float:
+        """Return how many of the numbers that are seen, or known before, nothing was fitted to."""
+        told = self._prior.size - known.unknown.shape[1]
+        return max(float(known.size + np.count_nonzero(self._prior) - told), 1.0)
+
+    def _excess(self, x: Floats, noise: float, known: _Information) -> float:
+        """Return chi-square over its degrees of freedom, for the noise as stated."""
+        if self._loss is not LOSSES['linear']:  # outliers are not to count
+            return float((self._noise_left(x, noise) / noise) ** 2)
+        away = self._observed.at(x).away
+        return float((np.sum(away**2) / noise**2 + np.sum((self._prior * x) ** 2))
+                     / self._freedom(known))
 
     def _scores(self, x: Floats, noise: float) -> list[Floats]:
         """Return (k, n) of each motion: by what its instants pull the unknowns."""

@@ -16,7 +16,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import between
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import array, instance, number, row, shown, vector
+from dlo_planner.model.checks import array, direction, instance, items, number, row, shown, vector
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, put
@@ -38,6 +38,15 @@ class Observation(Value):
         Their arc lengths, m. If None, not known, the nearest points of the DLO count.
     far_end : FarEnd or Pose or array_like or None
         What holds the far end: FarEnd, Pose that clamps it, position (3,) that pins it, or None.
+    normal : ndarray, shape (3,), or None
+        Of a picture: direction, world, along which the points are not measured, the camera's line
+        of sight; what `points` say along it does not count. If None, all of a point is measured.
+    initial : Shape or iterable of (Pose, FarEnd or None) or None
+        From which shape the search for that of the DLO begins, or from which grips, gripper and far
+        end, one after the other, until those of the observation. It decides where the DLO has
+        several shapes in the same grips. If None, a free DLO is set down in its natural shape; of
+        one that is held at both ends that shape is taken which fits the points best, out of the one
+        that it comes to when it is set down and those near the points.
 
     Raises
     ------
@@ -49,6 +58,8 @@ class Observation(Value):
     points: Floats
     s: Floats | None = None
     far_end: FarEnd | Pose | ArrayLike | None = None
+    normal: Floats | None = None
+    initial: Shape | Iterable[tuple[Pose, Any]] | None = None
 
     def __post_init__(self) -> None:
         instance('Observation.gripper', self.gripper, Pose)
@@ -56,7 +67,23 @@ class Observation(Value):
             far_end=FarEnd.of(self.far_end))
         if self.s is not None:
             put(self, s=vector('Observation.s', self.s, len(self.points)))
+        if self.normal is not None:
+            put(self, normal=direction('Observation.normal', self.normal))
+        if self.initial is not None and not isinstance(self.initial, Shape):
+            put(self, initial=self._checked_way())
         super().__post_init__()
+
+    def _checked_way(self) -> tuple[tuple[Pose, FarEnd | None], ...]:
+        """Return the grips from which the search begins as pairs of Pose and FarEnd."""
+        out = []
+        pairs = items('Observation.initial', self.initial, (tuple, list), least=1)
+        for k, pair in enumerate(pairs):
+            name = f'Observation.initial[{k}]'
+            if len(pair) != 2:  # noqa: PLR2004
+                raise InvalidTask(f'{name} = {shown(pair)}: expected the pose of the gripper and '
+                                  'the far end')
+            out.append((instance(f'{name}[0]', pair[0], Pose), FarEnd.of(pair[1])))
+        return tuple(out)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -145,7 +172,10 @@ def check_points(name: str, seen: Observation | ObservedMotion, length: float) -
         grippers = tuple(seen.grippers)
         index = np.rint(seen.times / seen.dt).astype(int)
         held = np.array([one.position for one in grippers])[index][:, None]
-    away = float(np.median(np.linalg.norm(seen.points - held, axis=-1))) if seen.points.size else 0
+    off = seen.points - held
+    if isinstance(seen, Observation) and seen.normal is not None:
+        off = off - np.outer(off @ seen.normal, seen.normal)
+    away = float(np.median(np.linalg.norm(off, axis=-1))) if seen.points.size else 0
     if away > _AWAY * length:
         raise InvalidTask(f'{name}.points: half of them are {away:.3g} m or more from the gripper: '
                           f'expected the length {length:g} m at most, in m and world')

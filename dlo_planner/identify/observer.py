@@ -155,6 +155,8 @@ class Observer(Value):
         elapsed = number('elapsed', elapsed, minimum=0)
         if instance('observation', observation, Observation).far_end is not None:
             raise InvalidTask('observation.far_end: expected None, the DLO hangs freely')
+        if observation.normal is not None:
+            raise InvalidTask('observation.normal: expected None, `fit_rod` alone takes pictures')
         length = self.uncertain.simulator.rod.length + _LONGER * self.uncertain.uncertainty.length
         if observation.s is not None and ((observation.s < 0) | (observation.s > length)).any():
             raise InvalidTask(f'observation.s: expected 0 to the length {length:g} m')

@@ -53,6 +53,9 @@ _BENT = 0.1    # rad along the length: one unit of a natural strain
 _DAMPED = 0.1  # twice the damping ratio that is one unit of damping
 _SLOWEST = 3.516  # w L^2 sqrt(m / EI) of a cantilever
 _FARTHEST = 60.0  # of all unknowns
+# of logarithms of factors: no first guess of a stiffness or mass is off by 1e8; a search that goes
+# on, because no such rod has the points, would leave the range of what a material can be
+_LARGEST = np.log(1e8)
 _OFF = 0.5  # a bound: without damping a motion may go anywhere
 _LOGARITHMS = (*STIFFNESS, 'mass_per_length', 'tip_mass')
 _NAMES = (*_LOGARITHMS, *STRAINS, 'damping')
@@ -279,12 +282,19 @@ class Unknowns:
         self.stiff = np.isin(each, tuple(STIFFNESS)).astype(float)
         self.units = np.where(np.isin(each, tuple(STRAINS)), _BENT / rod.length, 1.0)
         self.lower, self.upper = np.full(self.size, -_FARTHEST), np.full(self.size, _FARTHEST)
+        self.upper[np.isin(each, _LOGARITHMS)] = _LARGEST
+        self.lower[np.isin(each, _LOGARITHMS)] = -_LARGEST
         if 'damping' in self.names:  # it does not feed a motion
             damped = self.parameters.columns('damping')[0]
             self.units[damped] = _damping_units(rod)
             self.lower[damped] = -np.array(rod.damping) / self.units[damped]
             self.upper[damped] = np.inf
         self.begin = np.where(self.lower > -_OFF, self.lower + _OFF, 0.0)
+
+    def run_off(self, x: Floats) -> list[str]:
+        """Return the names of stiffnesses and masses that are as far from the guess as may be."""
+        return [name for name in self.names if name in _LOGARITHMS and (
+            np.abs(x[self.parameters.columns(name)[0]]) > _LARGEST - _OFF).any()]
 
     def of(self, x: Floats) -> Rod:
         """Return the Rod at unknowns x (n,)."""

@@ -21,6 +21,7 @@ from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.so3 import left_jacobian
+from dlo_planner.identify.branches import seen_starts
 from dlo_planner.identify.observation import Observation, ObservedMotion
 from dlo_planner.identify.parameters import ParameterizedMesh, Unknowns
 from dlo_planner.kernels import kernel
@@ -35,6 +36,8 @@ ROUGHLY, EXACTLY = 2e-4, 1e-4  # of the length: error of the steps of motions
 _MOST_PARTS = 16  # of a motion's dt
 _KEPT = 4  # values of x whose residuals are remembered
 _ITERATIONS = 20
+_SEEN = 1e-6  # of a tangent's length: what is shorter in a picture has no direction there
+_STILL = 1e-13  # of the length: the last step to a nearest point
 
 
 class PointResiduals(NamedTuple):
@@ -69,6 +72,66 @@ def point_residuals(shape: Shape, points: Floats, s: Floats | None = None,
         at = np.clip(s, 0.0, nodes[-1])
     frames, places = _points_at(nodes, *kernels, at)
     return PointResiduals(points - places - off_shape(at), at, frames, outward)
+
+
+def picture_residuals(shape: Shape, points: Floats, s: Floats | None,
+                      normal: Floats) -> tuple[PointResiduals, Bools]:
+    """Return the PointResiduals of points (m, 3) of a picture, and which components count (m, 3).
+
+    Their frames are across the normal (3,) in the third axis, which is not measured. Of a point
+    whose arc length is not known the first is along the DLO in the picture, where it slides.
+    """
+    nodes, kernels = np.array(shape.s), kernel_arrays(shape)
+    plane = np.linalg.svd(normal[None])[2][1:].T
+    outward = np.zeros(len(points), dtype=bool)
+    if s is None:
+        at, outward = _nearest_in_picture(shape, points @ plane, plane)
+    else:
+        at = np.clip(s, 0.0, nodes[-1])
+    frames, places = _points_at(nodes, *kernels, at)
+    along = np.tile(plane[:, 0], (len(points), 1))
+    if s is None:
+        tangents = frames[:, :, 0] @ plane @ plane.T
+        size = np.linalg.norm(tangents, axis=1)
+        seen = size > _SEEN  # else the DLO is seen end on, and any direction will do
+        along[seen] = tangents[seen] / size[seen, None]
+    axes = np.stack([along, np.cross(normal, along), np.tile(normal, (len(points), 1))], axis=2)
+    counts = np.ones((len(points), 3), dtype=bool)
+    counts[:, 2] = False
+    if s is None:
+        counts[:, 0] = outward
+    return PointResiduals((points - places) @ plane @ plane.T, at, axes, outward), counts
+
+
+def _nearest_in_picture(shape: Shape, points: Floats, plane: Floats) -> tuple[Floats, Bools]:
+    """Return arc lengths (m,) nearest to points (m, 2) in a plane (3, 2), and which are beyond.
+
+    As `nearest`: chords tell the element, Newton's method finds the point.
+    """
+    nodes, kernels, strains = np.array(shape.s), kernel_arrays(shape), shape.element_strains
+    corners = shape.positions @ plane
+    chords = np.diff(corners, axis=0)
+    squares = np.maximum(np.sum(chords**2, axis=1), np.finfo(float).tiny)
+    shares = np.clip(np.sum((points[:, None] - corners[:-1]) * chords, axis=2) / squares, 0.0, 1.0)
+    away = np.sum((points[:, None] - corners[:-1] - shares[:, :, None] * chords) ** 2, axis=2)
+    best = away.argmin(axis=1)
+    at = nodes[best] + shares[np.arange(len(points)), best] * np.diff(nodes)[best]
+    outward = np.zeros(len(points), dtype=bool)
+    for _ in range(_ITERATIONS):
+        frames, places = _points_at(nodes, *kernels, at)
+        elements = np.clip(np.searchsorted(nodes, at, side='right') - 1, 0, len(strains) - 1)
+        off, tangents = points - places @ plane, frames[:, :, 0] @ plane
+        bends = (strains[elements, 2:] * frames[:, :, 1]
+                 - strains[elements, 1:2] * frames[:, :, 2]) @ plane
+        slope, square = np.sum(off * tangents, axis=1), np.sum(tangents**2, axis=1)
+        curved = np.maximum(square - np.sum(off * bends, axis=1), 0.5 * square)
+        step = slope / np.maximum(curved, _SEEN**2)
+        outward = (at == 0.0) & (slope < 0.0) | (at == nodes[-1]) & (slope > 0.0)
+        moved = np.clip(at + step, 0.0, nodes[-1])
+        if (np.abs(moved - at) <= _STILL * nodes[-1]).all():
+            break
+        at = moved
+    return at, outward
 
 
 def from_either_end(shape: Shape, points: Floats, s: Floats) -> Floats:
@@ -117,11 +180,15 @@ def _nowhere(points: Floats, length: float, size: int, shape: Shape) -> Residual
 def _at_rest(unknowns: Unknowns, one: Observation, shape: Shape, errors: PoseErrors,
              x: Floats) -> Residuals:
     """Return the Residuals of an Observation from its Shape at unknowns x (n,)."""
-    seen = point_residuals(shape, one.points, one.s)
     m, counts = len(one.points), np.ones((len(one.points), 3), dtype=bool)
     axes = np.tile(np.eye(3), (m, 1, 1))
-    if one.s is None:
-        axes, counts[:, 0] = seen.frames, seen.outward
+    if one.normal is not None:
+        seen, counts = picture_residuals(shape, one.points, one.s, one.normal)
+        axes = seen.frames
+    else:
+        seen = point_residuals(shape, one.points, one.s)
+        if one.s is None:
+            axes, counts[:, 0] = seen.frames, seen.outward
 
     def slopes() -> Floats:
         out, k = np.zeros((m, 3, x.size)), unknowns.size
@@ -176,6 +243,7 @@ class MeasurementModel:
         self.precision = _IN_MOTION if motions else _AT_REST
         self._parts = [1] * len(motions)  # steps in each dt
         self._central = False
+        self._branches: dict[int, Shape | None] = {}  # from which the first search begins
         self.forget()
 
     def choose_steps(self, x: Floats, tolerance: float = EXACTLY) -> bool:
@@ -252,16 +320,47 @@ class MeasurementModel:
                far_end: FarEnd | None) -> Shape:
         """Return the Shape of an observation, or in which a motion begins.
 
-        It is set down in its natural shape each time: from another shape it may come to a third.
-        A DLO held at both ends, which takes long to get there, stays where it was led once.
+        It is set down in its natural shape each time, or begins on the branch that was chosen once:
+        from another shape it may come to a third. A DLO held at both ends, which takes long to get
+        there, stays where it was led once.
         """
         before = self._known_shapes.get(index)
+        if before is None and index < len(self.observations):
+            if index not in self._branches:
+                self._branches[index] = self._branch(direct, self.observations[index], gripper,
+                                                     far_end)
+            before = self._branches[index]
         shape = direct.solve(gripper, before, far_end=far_end)
         if before is not None and not shape.converged:
             shape = direct.solve(gripper, far_end=far_end)
         if far_end is not None and shape.converged:
             self._known_shapes[index] = shape
         return shape
+
+    def _branch(self, direct: DirectSimulator, one: Observation, gripper: Pose,
+                far_end: FarEnd | None) -> Shape | None:
+        """Return the Shape from which the first search begins, None for the natural one."""
+        if isinstance(one.initial, Shape):
+            return one.initial
+        if one.initial is not None:
+            shape = None
+            for pose, end in one.initial:
+                shape = direct.solve(pose, shape, far_end=end)
+            return shape
+        if far_end is None:
+            return None
+        found = [direct.solve(gripper, start, far_end=far_end)
+                 for start in (None, *seen_starts(direct, one, gripper, far_end))]
+        fitting = [(self._misfit(one, shape), k) for k, shape in enumerate(found)
+                   if shape.converged]
+        return found[min(fitting)[1]] if fitting else None
+
+    @staticmethod
+    def _misfit(one: Observation, shape: Shape) -> float:
+        """Return the median distance of an Observation's points from a Shape, m."""
+        off = (point_residuals(shape, one.points, one.s) if one.normal is None else
+               picture_residuals(shape, one.points, one.s, one.normal)[0]).off
+        return float(np.median(np.linalg.norm(off, axis=1)))
 
     def _motion(self, index: int, one: ObservedMotion, x: Floats) -> Residuals:
         """Return the Residuals of a motion, whose points other causes may displace in addition."""

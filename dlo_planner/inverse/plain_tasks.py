@@ -1,20 +1,27 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Values as plain Python and back: each names its class, so that nothing is guessed."""
+"""Values as plain Python and back.
+
+Each names its class under `type`; it may leave that out where the field that it stands in can hold
+values of one class alone, as `Thread.cutout` can.
+"""
 
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, fields, is_dataclass
+from inspect import isabstract
 from os import PathLike
-from typing import Any
+from types import NoneType, UnionType
+from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape, pack, unpack
 from dlo_planner.direct.storage import NOT_FINITE, array_of, described, flattened, nested
-from dlo_planner.errors import InvalidTask
+from dlo_planner.errors import InvalidRod, InvalidTask
 from dlo_planner.files import readable, writable
-from dlo_planner.model.checks import shown
+from dlo_planner.model.checks import did_you_mean, known_keys, shown
+from dlo_planner.model.plain_poses import pose_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import FrozenDict, Value
 from dlo_planner.plan.plan import Plan, plan_of, plan_tree
@@ -22,7 +29,37 @@ from dlo_planner.plan.plan import Plan, plan_of, plan_tree
 _TYPE = 'type'
 _DICT = 'dict'  # type of a dict that is no value
 _DEEPEST = 20  # values inside values
-_POSE = {'position', 'quaternion'}
+_POSE = {'position', 'quaternion', 'orientation'}
+
+
+class FieldKind(NamedTuple):
+    """What a field of a value holds, by its type."""
+
+    kind: type[Value]  # the one class of its values
+    several: bool      # whether it is a tuple of them
+
+
+def value_fields(cls: type[Value]) -> dict[str, FieldKind]:
+    """Return the fields of a class that hold values of one class.
+
+    None, where types of somebody's own class are known to type checkers alone.
+    """
+    try:
+        hints = get_type_hints(cls)
+    except NameError:
+        return {}
+    found: dict[str, FieldKind] = {}
+    for name, hint in hints.items():
+        options = [part for part in (get_args(hint) if get_origin(hint) in (Union, UnionType)
+                                     else (hint,)) if part is not NoneType]
+        several = get_origin(options[0]) is tuple
+        kind = get_args(options[0])[0] if several else options[0]
+        if len(options) > 1:
+            continue
+        if (isinstance(kind, type) and issubclass(kind, Value) and is_dataclass(kind)
+                and not isabstract(kind) and not issubclass(kind, Shape | Plan)):
+            found[name] = FieldKind(kind, several)
+    return found
 
 
 def to_plain(content: object) -> Any:
@@ -49,17 +86,37 @@ def to_plain(content: object) -> Any:
     raise InvalidTask(f'{shown(content)} cannot be written: expected values, numbers and texts')
 
 
-def from_plain(name: str, content: object, depth: int = 0) -> object:
-    """Return what `to_plain` was given; lists stay lists, which values take for arrays."""
+def from_plain(name: str, content: object, depth: int = 0,
+               expected: FieldKind | None = None) -> object:
+    """Return what `to_plain` was given; lists stay lists, which values take for arrays.
+
+    `expected` says which values stand here, for those that do not name their class.
+    """
     if depth > _DEEPEST:
         raise InvalidTask(f'{name[:40]}...: expected values in at most {_DEEPEST} others')
     if isinstance(content, Value):
         return content
     if isinstance(content, Mapping):
-        return _value(name, content, depth)
+        return _value(name, content, depth, expected)
     if isinstance(content, list | tuple):
-        return [from_plain(f'{name}[{k}]', part, depth + 1) for k, part in enumerate(content)]
+        if expected == (Pose, False):
+            return pose_of(name, content)
+        each = None if expected is None else expected._replace(several=False)
+        return [from_plain(f'{name}[{k}]', part, depth + 1, each)
+                for k, part in enumerate(content)]
     return content
+
+
+def judge_keys(name: str, content: Mapping[str, Any], cls: type[Value]) -> None:
+    """Raise InvalidTask for a key that a value of a class, or one in it, does not have."""
+    if issubclass(cls, Pose):
+        pose_of(name, content)
+        return
+    _judge_own_keys(name, content, cls)
+    for field, (kind, several) in value_fields(cls).items():
+        for part in (content.get(field) or () if several else [content.get(field)]):
+            if isinstance(part, Mapping) and part.get(_TYPE) in (None, kind.__name__):
+                judge_keys(f'{name}.{field}', part, kind)
 
 
 def write_value(path: str | PathLike[str], value: Value | Mapping[str, Any]) -> None:
@@ -104,34 +161,43 @@ def _not_finite(content: Any) -> Any:
     return NOT_FINITE.get(content, content) if isinstance(content, str) else content
 
 
-def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
-    if _TYPE not in content and {'position'} <= set(content) <= _POSE:
-        return Pose(content['position'], content.get('quaternion', (0.0, 0.0, 0.0, 1.0)))
-    kind = content.get(_TYPE)
+def _judge_own_keys(name: str, content: Mapping[str, Any], cls: Any) -> None:
+    known_keys(name, {key: part for key, part in content.items() if key != _TYPE},
+               sorted(item.name for item in fields(cls) if item.init))
+
+
+def _value(name: str, content: Mapping[str, Any], depth: int,
+           expected: FieldKind | None = None) -> object:
+    kind, alone = content.get(_TYPE), None
+    if _TYPE not in content:
+        alone = None if expected is None or expected.several else expected.kind
+        if alone is Pose or 'position' in content and (alone is None or content.keys() <= _POSE):
+            return pose_of(name, content)
     if isinstance(kind, str) and kind in ('Shape', 'Plan'):
         return _packed(name, kind, content)
     if isinstance(kind, str) and kind == _DICT:
         return {key: from_plain(f'{name}.{key}', part, depth + 1)
                 for key, part in content.items() if key != _TYPE}
     known: dict[str, Any] = {cls.__name__: cls for cls in classes_below(Value) if is_dataclass(cls)}
-    if not isinstance(kind, str) or kind not in known:
+    if alone is None and (not isinstance(kind, str) or kind not in known):
         raise InvalidTask(f'{name}.type = {shown(kind)}: expected the name of a class of tasks, '
-                          'penalties, cut-outs or obstacles that has been imported')
-    cls = known[kind]
-    allowed = {item.name for item in fields(cls) if item.init}
-    for key in content:
-        if key != _TYPE and key not in allowed:
-            raise InvalidTask(f'{name}.{key}: expected one of {", ".join(sorted(allowed))}')
+                          'penalties, cut-outs or obstacles that has been imported'
+                          f'{did_you_mean(kind, known)}')
+    cls: Any = known[str(kind)] if alone is None else alone
+    _judge_own_keys(name, content, cls)
     missing = [item.name for item in fields(cls) if item.init and item.name not in content
                and item.default is item.default_factory is MISSING]
     if missing:
         raise InvalidTask(f'{name}: expected {", ".join(missing)}')
-    given = {key: from_plain(f'{name}.{key}', part, depth + 1) for key, part in content.items()
-             if key != _TYPE}
+    held = value_fields(cls)
+    given = {key: from_plain(f'{name}.{key}', part, depth + 1, held.get(key))
+             for key, part in content.items() if key != _TYPE}
     try:
         return cls(**given)
     except TypeError as error:
         raise InvalidTask(f'{name}: {error}') from None
+    except (InvalidTask, InvalidRod) as error:  # which know the class, not where it stands
+        raise type(error)(f'{name}: {error}') from None
 
 
 def _packed(name: str, kind: str, content: Mapping[str, Any]) -> Shape | Plan:

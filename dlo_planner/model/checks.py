@@ -7,8 +7,9 @@ Each function returns the value as it is to be used: what is checked is what is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from difflib import get_close_matches
 from itertools import islice
 from numbers import Real
 from typing import Any, TypeGuard, TypeVar, overload
@@ -41,8 +42,8 @@ def shown(value: object) -> str:
 
 def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
            minimum: float = -np.inf, above: float = -np.inf, maximum: float = np.inf,
-           below: float = np.inf) -> float:
-    """Return `value` as a finite float within the limits, or raise `error`.
+           below: float = np.inf, unit: str = '') -> float:
+    """Return `value` as a finite float within the limits, or raise `error`; `unit`: of both.
 
     Numbers are Python's and NumPy's real ones; strings and booleans are none. Their size is at most
     1e75, and 1e-75 at least where they have to be above 0: products of a few stay finite.
@@ -57,7 +58,8 @@ def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
         result = np.inf
     if not (np.isfinite(result) and minimum <= result <= maximum and above < result < below):
         limits = ('>=', minimum), ('>', above), ('<=', maximum), ('<', below)
-        said = ' and '.join(f'{sign} {limit:g}' for sign, limit in limits if np.isfinite(limit))
+        said = ' and '.join(f'{sign} {limit:g} {unit}'.rstrip()
+                            for sign, limit in limits if np.isfinite(limit))
         raise error(f'{name} = {shown(value)}: expected a finite number {said}'.rstrip())
     if abs(result) > _EXTREME or above == 0 and result < 1 / _EXTREME:
         raise error(f'{name} = {shown(value)}: expected a size of at most {_EXTREME:g}'
@@ -210,6 +212,24 @@ def choice(name: str, value: object, options: Iterable[str],
     if not isinstance(value, str) or value not in options:
         raise error(f'{name} = {shown(value)}: expected one of {", ".join(map(repr, options))}')
     return value
+
+
+def did_you_mean(given: object, known: Iterable[str]) -> str:
+    """Return ', did you mean ...?' with the known name that is nearest, '' if none is near."""
+    by_lower = {one.lower(): one for one in known}
+    text = given[:_LONGEST].lower() if isinstance(given, str) else ''
+    near = get_close_matches(text, by_lower, 1)
+    return f', did you mean {by_lower[near[0]]}?' if near else ''
+
+
+def known_keys(name: str, content: Mapping[Any, Any], known: Iterable[str]) -> None:
+    """Raise InvalidTask that names the first key of a dict that is none of those known."""
+    known = tuple(known)
+    for key in content:
+        if key not in known:
+            said = key if isinstance(key, str) and len(key) <= _LONGEST else shown(key)
+            raise InvalidTask(f'{name}.{said}: expected one of {", ".join(known)}'
+                              f'{did_you_mean(key, known)}')
 
 
 def flag(name: str, value: object) -> bool:

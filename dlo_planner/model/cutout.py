@@ -52,7 +52,8 @@ class CutOut(Value):
                               'neither')
         for name in ('radius', 'width', 'height'):
             if getattr(self, name) is not None:
-                put(self, **{name: number(f'CutOut.{name}', getattr(self, name), above=0)})
+                put(self, **{name: number(f'CutOut.{name}', getattr(self, name), above=0,
+                                       unit='m')})
         super().__post_init__()
 
     @property

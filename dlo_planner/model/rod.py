@@ -7,11 +7,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from inspect import currentframe
 from typing import Any
+from warnings import warn
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dlo_planner.errors import InvalidRod
+from dlo_planner.errors import DoubtfulInput, InvalidRod
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, number, row, shown
 from dlo_planner.model.section import MODELS, MODULI, SIZES, Section
@@ -133,6 +136,9 @@ class Rod(AlongRod):
         for name in VARYING:  # callables are judged now, not later
             self._values(name, probes)
         super().__post_init__()
+        level = _level_of_user()
+        for doubt in doubts(self) if level else ():
+            warn(doubt, DoubtfulInput, stacklevel=level)
 
     def __repr__(self) -> str:
         per_length, (twist, first, second) = self.mass_per_length, self.stiffness
@@ -266,20 +272,78 @@ class Rod(AlongRod):
             stress = number('yield_stress', yield_stress, InvalidRod, minimum=MODULI[0],
                             maximum=MODULI[1])
             given['yield_curvature'], given['yield_torsion'] = section.thresholds(stress)
-        rho = number('density', density, InvalidRod, minimum=0)
+        rho = number('density', density, InvalidRod, minimum=0, unit='kg/m^3')
         return cls(length, rho * section.area, section.bending_stiffness,
                    section.torsional_stiffness, **{**given, **more})
 
 
-_NUMBERS = {
-    'length': {'above': 0}, 'tip_mass': {'minimum': 0},
-    'yield_torsion': {'above': 0}, 'hardening': {'minimum': 0, 'below': 1},
-    'max_bend_curvature': {'above': 0}}
+_NUMBERS: dict[str, dict[str, Any]] = {
+    'length': {'above': 0, 'unit': 'm'}, 'tip_mass': {'minimum': 0, 'unit': 'kg'},
+    'yield_torsion': {'above': 0, 'unit': '1/m'}, 'hardening': {'minimum': 0, 'below': 1},
+    'max_bend_curvature': {'above': 0, 'unit': '1/m'}}
 _OPTIONAL = ('yield_torsion', 'max_bend_curvature')
 
 
 def _size(name: str, value: object) -> float:
-    return number(name, value, InvalidRod, minimum=SIZES[0], maximum=SIZES[1])
+    return number(name, value, InvalidRod, minimum=SIZES[0], maximum=SIZES[1], unit='m')
+
+
+# ------------------------------------------------------------------------------------------------
+# What of a DLO is possible, but probably not meant.
+
+
+_SLENDER = 0.1                # thickness by length: the model leaves out shear
+_LIMP = 1e6                   # w L^3 / EI: of what bends so easily
+_DENSITIES = (300.0, 25e3)    # kg/m^3, of solids: from foam and cork to platinum
+_LONGEST, _THICKEST = 100.0, 0.5  # m: what a gripper holds is less
+_OWN = ('dataclasses', __name__)  # modules through which whoever states a Rod comes here
+
+
+def doubts(rod: Rod, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> list[str]:
+    """Return what of a Rod is probably not meant, or beyond the model, one sentence each.
+
+    Every door says it: Python as a `DoubtfulInput` warning, the terminal and the node's log.
+    """
+    middle, thickness = [0.5 * rod.length], 2 * Surface.of(rod).radius
+    per_length = float(rod.masses_per_length(middle)[0])
+    weight = per_length * np.linalg.norm(np.asarray(gravity, dtype=float))
+    with np.errstate(over='ignore'):  # of what is 1e75 m long, as Rod may be
+        limpness = float(weight * rod.length**3 / rod.stiffnesses(middle)[0, 1:].min())
+    area = np.pi * rod.radii(middle)[0]**2 if rod.section is None else rod.section.area
+    density = per_length / area if area > 0 else 0.0
+    found = []
+    if rod.length > _LONGEST:
+        found.append(f'{rod.length:g} m long, more than {_LONGEST:g} m: is its length in m, not in '
+                     'mm?')
+    if thickness > _SLENDER * rod.length:
+        found.append(f'{thickness:g} m thick, {rod.length:g} m long: the model, which leaves out '
+                     'shear, is for what is ten times as long as thick; are both in m?')
+    elif thickness > _THICKEST:
+        found.append(f'{thickness:g} m thick, more than {_THICKEST:g} m: is its diameter in m, not '
+                     'in mm?')
+    if limpness > _LIMP:
+        found.append(f'w L^3 / EI = {limpness:.3g}: it hangs like a chain; is its stiffness in Pa '
+                     'or N m^2?')
+    if density > 0 and not _DENSITIES[0] <= density <= _DENSITIES[1]:
+        found.append(f'density {density:.3g} kg/m^3 by its mass and section, solids have '
+                     f'{_DENSITIES[0]:g} to {_DENSITIES[1]:g}: is it in kg/m^3, its mass in kg/m, '
+                     'its diameter in m?')
+    return [f'rod: {one}' for one in found]
+
+
+def _level_of_user() -> int:
+    """Return the `stacklevel`, seen from `Rod`, of who states a Rod; 0 if it is the package.
+
+    Parts of a DLO, and the thousands that a search tries, are no statement of anybody.
+    """
+    level, frame = 0, currentframe()
+    while frame is not None and frame.f_globals.get('__name__') in _OWN:
+        level, frame = level + 1, frame.f_back
+    home = '' if frame is None else str(frame.f_globals.get('__name__', ''))
+    return 0 if not home or home.startswith(_PACKAGE) else level
+
+
+_PACKAGE = f'{__name__.partition(".")[0]}.'
 
 
 # ------------------------------------------------------------------------------------------------
@@ -460,7 +524,7 @@ def _arm(rod: Rod, size: float, mass: float, radius: float | None, center: float
     """Return how far from the body's center, m, the two masses are that stand for it."""
     most = mass * min(center, size - center) ** 2
     if inertia is None:
-        across = radius or (0.0 if rod.radius is None else rod.radii([rod.length])[0])
+        across = rod.radii([rod.length])[0] if radius is None else radius
         inertia = min(mass * (3 * across**2 + size**2) / 12, most)
     else:
         inertia = number('inertia', inertia, InvalidRod, minimum=0, maximum=most)

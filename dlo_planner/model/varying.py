@@ -330,7 +330,7 @@ def _breaks(left: Floats, width: Floats, values: Floats, size: Floats, length: f
 ONE = 'one'  # how a value is written that is a single number
 
 
-def varying(name: str, content: Any, written: str = ONE, **limits: float) -> Along:
+def varying(name: str, content: Any, written: str = ONE, **limits: Any) -> Along:
     """Return a quantity as a user states it: a float, a tuple of floats, or a function of s."""
     if callable(content):
         result: Along = content
@@ -343,12 +343,12 @@ def varying(name: str, content: Any, written: str = ONE, **limits: float) -> Alo
     return Components(parts) if any(map(callable, parts)) else parts
 
 
-def _number(name: str, value: object, **limits: float) -> float:
+def _number(name: str, value: object, **limits: Any) -> float:
     return number(name, value, InvalidRod, **limits)
 
 
 def pair(name: str, value: Any, written: str, judged: Callable[..., Any] = _number,
-         **limits: float) -> tuple[Any, Any]:
+         **limits: Any) -> tuple[Any, Any]:
     """Return a pair of numbers. One number gives both, if `written` allows it."""
     sizes = (1, 2) if ' or ' in written else (2,)
     parts = value if is_row(value) else [value]

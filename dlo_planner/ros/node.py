@@ -19,6 +19,7 @@ from visualization_msgs.msg import MarkerArray
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.execute.causes import Cause
 from dlo_planner.exercises import answers, closed_loop, looks, proofs
+from dlo_planner.model.rod import doubts
 from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.estimate import Estimator
 from dlo_planner.ros.inputs import Frames
@@ -33,7 +34,7 @@ from dlo_planner.ros.state import State, Store
 from dlo_planner.ros.status import Shared, Statistics, Status
 from dlo_planner.ros.streaming import TrajectoryStreamer, described
 from dlo_planner.ros.worker import Worker
-from dlo_planner.settings.build import check_described, doubts, idle_warnings
+from dlo_planner.settings.build import check_described, idle_warnings
 from dlo_planner.settings.parameters import (
     PARAMETERS,
     ParameterSpec,

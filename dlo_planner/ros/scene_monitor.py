@@ -13,7 +13,7 @@ from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.execute.causes import Cause
-from dlo_planner.model.rod import Surface
+from dlo_planner.model.rod import Surface, doubts
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.inputs import bodies_in, body_name, brief_text
@@ -69,8 +69,11 @@ class SceneMonitor(Part):
             changed = {one.name: one.value for one in parameters if one.name in PARAMETERS}
             names = ', '.join(f'{name} = {value}' for name, value in changed.items()
                               if value != before[name])
-            self._change(Scene.of({**before.values, **changed}, before.bodies),
-                         Cause.PARAMETERS_CHANGED, f'parameters changed ({names})')
+            scene = Scene.of({**before.values, **changed}, before.bodies)
+            if scene.direct.rod != before.direct.rod:
+                for doubt in doubts(scene.direct.rod, scene.direct.gravity):
+                    self.node.get_logger().warning(doubt)
+            self._change(scene, Cause.PARAMETERS_CHANGED, f'parameters changed ({names})')
 
     def _on_obstacles(self, msg: MarkerArray) -> None:
         with self.status.answering('obstacles', told=False):

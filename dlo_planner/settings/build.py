@@ -8,7 +8,6 @@ from math import isnan
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
@@ -20,7 +19,7 @@ from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, vector
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod, Surface, with_plug
+from dlo_planner.model.rod import Rod, with_plug
 from dlo_planner.model.supports import PointLoad
 from dlo_planner.model.varying import Expanded
 from dlo_planner.plan.requirements import Limits
@@ -38,9 +37,6 @@ NEEDED = {
 SECTIONS = tuple(NEEDED)
 _BY_SECTION = {'yield_stress': ('round', 'tube', 'rectangular'),
                'yield_curvature': ('stiffness',), 'yield_torsion': ('stiffness',)}
-_THICK = 0.1           # of the length: the model leaves out shear
-_LIMP = 1e6            # w L^3 / EI: of what bends so easily
-_LIGHT = 10.0          # kg/m^3
 _FINEST = 1e-6         # accuracy, of the length: a shape takes less than a second
 _MOST_TOLERANCE = 1.0  # m
 _MOST_GRAVITY = 1e4    # m/s^2
@@ -72,25 +68,6 @@ def idle_warnings(given: Iterable[str], section: str) -> list[str]:
     """Return a warning of each parameter that was given and has no effect on this section."""
     return [f'parameter {name} has no effect where rod.section is {section}'
             for name in sorted(without_effect(section) & set(given))]
-
-
-def doubts(rod: Rod, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> list[str]:
-    """Return what of a Rod is probably not meant, or beyond the model, as warnings."""
-    middle = [0.5 * rod.length]
-    thickness = 2 * Surface.of(rod).radius
-    weight = float(rod.masses_per_length(middle)[0] * np.linalg.norm(gravity))
-    limpness = weight * rod.length**3 / rod.stiffnesses(middle)[0, 1:].min()
-    density = 0.0 if rod.section is None else rod.masses_per_length(middle)[0] / rod.section.area
-    found = []
-    if thickness > _THICK * rod.length:
-        found.append(f'{thickness:g} m thick, {rod.length:g} m long: the model, which leaves out '
-                     'shear, is for what is ten times as long as thick')
-    if limpness > _LIMP:
-        found.append(f'w L^3 / EI = {limpness:.3g}: it hangs like a chain; is its stiffness in Pa '
-                     'or N m^2?')
-    if 0 < density < _LIGHT:
-        found.append(f'density {density:.3g} kg/m^3: lighter than any solid; is it in kg/m^3?')
-    return [f'rod: {one}' for one in found]
 
 
 def direct_of(values: Values, obstacles: Iterable[Any] = ()) -> DirectSimulator:

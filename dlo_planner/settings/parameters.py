@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """All parameters: one table, for the node, the YAML files in config/ and the command line."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -22,8 +23,17 @@ class ParameterSpec:
     read_only: bool = False
     while_executing: bool = False  # whether it may change then
 
+    @property
+    def unit(self) -> str:
+        """The SI unit that its description names, '' if it has none."""
+        found = _UNIT.search(self.description)
+        return '' if found is None else found[1] or 's'
+
 
 _ANY = float('inf')
+# a unit after a comma; what begins with seconds is in seconds
+_UNIT = re.compile(r', (kg/m\^3|kg/m|kg|N m\^2|1/m|1/s|m/s\^[23]|m/s|rad/s\^[23]|rad/s|rad|Pa|m|s)'
+                   r'(?=[.,;: ])|^Seconds\b')
 _READ_ONLY = {'frame_id', 'diagnostics_period', 'autostart', 'execute.rate'}
 _WHILE_EXECUTING = {  # may change while a plan is executed
     'rod.name', 'task', 'threading.waypoints', 'threading.deepest', 'threading.standoff',
@@ -264,7 +274,7 @@ def within_limits(name: str, value: Any, entry: ParameterSpec) -> Any:
     """Return a value of the right type; raise InvalidTask if it is beyond the limits."""
     if entry.lowest is not None and not entry.lowest <= value <= entry.highest:
         raise InvalidTask(f'parameter {name} = {shown(value)}: expected {entry.lowest:g} to '
-                          f'{entry.highest:g}')
+                          f'{entry.highest:g} {entry.unit}'.rstrip())
     return value
 
 

@@ -5,7 +5,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,12 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.execute.loop_motions import way_onto
 from dlo_planner.files import text_of, writable
-from dlo_planner.inverse.plain_tasks import classes_below, from_plain
+from dlo_planner.inverse.plain_tasks import (
+    classes_below,
+    from_plain,
+    judge_keys,
+    value_fields,
+)
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.approach import Approach
@@ -22,8 +27,9 @@ from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.thread import Thread, trim_to_clearance
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
-from dlo_planner.model.checks import instance, shown
+from dlo_planner.model.checks import did_you_mean, instance, shown
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.plain_poses import pose_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, concatenate
 from dlo_planner.plan.waypoint import Waypoint
@@ -46,12 +52,13 @@ def task_to_yaml(task: Task) -> str:
 
 
 def task_from_yaml(text: str, name: str = 'task') -> Task:
-    """Return the task of a YAML text.
+    """Return the task of a YAML text, which the node and the terminal understand alike.
 
     Parameters
     ----------
     text : str
-        As `task_to_yaml` writes it; what has a default may be left out.
+        As `task_to_yaml` writes it; what has a default may be left out, and `type` where values of
+        one class alone can stand, as of a cut-out.
     name : str, optional
         Its name in messages.
 
@@ -60,43 +67,40 @@ def task_from_yaml(text: str, name: str = 'task') -> Task:
     InvalidTask
         It is not YAML, or not a task.
     """
-    content: Any = load_yaml(instance('text', text, str), name)
-    return Task.from_dict(content)
+    return close_task(_content(instance('text', text, str), name), name=name)
 
 
 def open_task(text: str, name: str = 'task') -> dict[str, Any]:
     """Return the content of a YAML text that describes a task, of which some may be left out."""
     if len(instance('text', text, str)) > _LONGEST:
         raise InvalidTask(f'{name} has {len(text)} characters: expected {_LONGEST} at most')
-    content: Any = load_yaml(text, name)
-    kind = content.get('type') if isinstance(content, dict) else None
-    known = [one.__name__ for one in classes_below(Task) if not one.__name__.startswith('_')]
-    if kind not in known:
-        raise InvalidTask(f'{name}: expected {{type: ..., ...}} with a type of '
-                          f'{", ".join(sorted(known))}, got {shown(content)}')
+    content = _content(text, name)
     missing = None in _poses_in(content, name)[:1]
     close_task(content, Pose((0, 0, 0), (0, 0, 0, 1)) if missing else None, name=name)
+    return content
+
+
+def _content(text: str, name: str) -> dict[str, Any]:
+    """Return the content of a YAML text that names a class of tasks, and no key that it has not."""
+    content: Any = load_yaml(text, name)
+    kind = content.get('type') if isinstance(content, dict) else None
+    known = {one.__name__: one for one in classes_below(Task) if not one.__name__.startswith('_')}
+    if kind not in known:
+        raise InvalidTask(f'{name}: expected {{type: ..., ...}} with a type of '
+                          f'{", ".join(sorted(known))}, got {shown(content)}'
+                          f'{did_you_mean(kind, known)}')
+    judge_keys(name, content, known[kind])
     return dict(content)
 
 
 def _places(kind: object) -> list[tuple[str, bool, bool]]:
     """Return the fields of a class of tasks that say where, by their types.
 
-    And of each whether it lists several, and whether those are poses, no cut-outs. None, where
-    types of somebody's own task are known to type checkers alone.
+    And of each whether it lists several, and whether those are poses, no cut-outs.
     """
-    found = []
-    for task in (one for one in classes_below(Task) if one.__name__ == kind):
-        try:
-            hints = get_type_hints(task)
-        except NameError:
-            continue
-        for name, hint in hints.items():
-            several = get_origin(hint) is tuple
-            place = get_args(hint)[0] if several else hint
-            if place in (Pose, CutOut):
-                found.append((name, several, place is Pose))
-    return found
+    return [(name, several, held is Pose)
+            for task in classes_below(Task) if task.__name__ == kind
+            for name, (held, several) in value_fields(task).items() if held in (Pose, CutOut)]
 
 
 def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: float | None = None,
@@ -118,8 +122,8 @@ def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: flo
             raise InvalidTask(f'{name}: expected a pose, of its own or asked for')
         if bare:
             return here
-        cutout = {'type': 'CutOut', **(place or {}), 'pose': here}
-        if not any(cutout.get(size) for size in ('radius', 'width', 'height')):
+        cutout = {**(place or {}), 'pose': here}
+        if all(cutout.get(size) is None for size in ('radius', 'width', 'height')):  # 0 is a size
             cutout['radius'] = radius
         return cutout
 
@@ -140,13 +144,10 @@ def _poses_in(content: Mapping[str, Any], name: str) -> list[Pose | None]:
         if several and not (isinstance(given, list) and given):
             raise InvalidTask(f'{name}.{field} = {shown(given)}: expected a list of them')
         for place in given or () if several else [given]:
-            if not isinstance(place, dict | None):
+            if not bare and not isinstance(place, dict | None):
                 raise InvalidTask(f'{name}.{field} = {shown(place)}: expected names and values')
-            pose = place if bare else (place or {}).get('pose')
-            if pose is not None and not isinstance(pose := from_plain(f'{name}.{field}', pose),
-                                                   Pose):
-                raise InvalidTask(f'{name}.{field}: expected a pose, {{position, quaternion}}')
-            found.append(pose)
+            pose, said = (place, '') if bare else ((place or {}).get('pose'), '.pose')
+            found.append(None if pose is None else pose_of(f'{name}.{field}{said}', pose))
     return found
 
 
@@ -160,9 +161,22 @@ def poses_of(task: Task) -> tuple[Pose, ...]:
     return tuple(found)
 
 
-def read_task(path: Path) -> Task:
-    """Return the task of a YAML file; raises InvalidTask as `task_from_yaml` does."""
-    return task_from_yaml(text_of(path), str(path))
+def read_task(path: Path, radius: float | None = None) -> Task:
+    """Return the task of a YAML file.
+
+    Parameters
+    ----------
+    path : Path
+    radius : float, optional
+        Radius of round cut-outs that do not say theirs, m. If None, they have none.
+
+    Raises
+    ------
+    InvalidTask
+        As of `task_from_yaml`; the message names the file.
+    """
+    name = str(path)
+    return close_task(_content(text_of(path), name), radius=radius, name=name)
 
 
 def write_task(path: Path, task: Task) -> None:

@@ -34,6 +34,7 @@ _PLAIN: dict[str, tuple[str, Callable[[str], Any]]] = {
     'float': (r'[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?'
               r'|[-+]?(\.inf|\.Inf|\.INF)|\.nan|\.NaN|\.NAN',
               lambda text: float(text.replace('.', '', 1) if text[-1] in 'fFnN' else text))}
+_LEADING_ZERO = r'[-+]?0[0-9]+'
 
 
 def read_yaml(path: str | PathLike[str]) -> Any:
@@ -44,7 +45,9 @@ def read_yaml(path: str | PathLike[str]) -> Any:
 def load_yaml(text: str, name: str) -> Any:
     """Return the content of a YAML text: dicts, lists, and the scalars of the core schema.
 
-    1:30, yes and 2026-01-01 are strings, 010 is ten, 8e6 is a number. There is no merging (<<).
+    1:30, yes and 2026-01-01 are strings, 8e6 is a number. A whole number that begins with 0 is
+    refused: 010 is ten here, and eight to readers of YAML 1.1, ROS among them. There is no
+    merging (<<).
     """
     try:
         return yaml.load(text, Loader=_Loader)
@@ -118,6 +121,9 @@ class _Loader(yaml.SafeLoader):
         text = self.construct_scalar(node)
         if not re.fullmatch(known, text):
             raise _fault(f'{node.tag}, not {shown(text)}', node)
+        if re.fullmatch(_LEADING_ZERO, text):
+            raise _fault(f'a number without a leading 0, not {shown(text)}: to some readers that '
+                         'is of base 10, to others of base 8', node)
         try:
             return content(text)
         except ValueError:  # of thousands of digits

@@ -209,7 +209,7 @@ class CalmSearch:
     def over(self) -> bool:
         """Whether no other law is left to be tried."""
         return (not self._first.converged or self._inside > 0 or self._hopeless
-                or self._rounds >= (self.rounds or _ROUNDS)
+                or self._rounds >= (_ROUNDS if self.rounds is None else self.rounds)
                 or self._missed_by.slowest > SLOWEST * self.fastest.duration
                 or self._slower > SLOWEST and self._damping_ratio > 1)
 

@@ -196,7 +196,7 @@ def write_film(figure: 'Figure', picture: Callable[[int], object], count: int, p
         raise MissingExtra(f'{path} needs the program ffmpeg, which is not installed: install it '
                            f'(apt install ffmpeg), or write {path.with_suffix(".gif")}')
     writer = animation.FFMpegWriter if kind == '.mp4' else animation.PillowWriter
-    writer = writer(fps=rate or _RATE[kind])
+    writer = writer(fps=_RATE[kind] if rate is None else rate)
     try:
         with writer.saving(figure, str(path), _DPI):
             for index in range(count):

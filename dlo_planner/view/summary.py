@@ -184,8 +184,10 @@ def _report_rows(report: ValidationReport) -> list[Row]:
 def _fit_rows(fit: Fit) -> list[Row]:
     """Return the rows of a Fit: each number with its standard deviation."""
     numbers, spread = (flat(values) for values in (fit.values, fit.deviations))
-    return [('converged', 'yes' if fit.converged else 'no', ''),
+    return [('status', fit.status, ''),
             ('misfit', figure(fit.misfit), 'm'), ('noise', figure(fit.noise), 'm'),
+            *([] if fit.birge_ratio == 1 else [
+                ('off by, of what the noise tells', figure(fit.birge_ratio), 'times')]),
             *(_deviating(*row) for row in zip(fit.names, numbers, spread, strict=True))]
 
 

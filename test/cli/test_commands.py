@@ -200,6 +200,31 @@ def test_what_is_identified_is_a_file_for_the_next_command():
                                simulator.solve(looks[0]).positions[-1], atol=1e-3)
 
 
+def test_points_that_no_such_dlo_has_are_not_explained():
+    assert run('shape', 'copper_wire', '-g', '0,0,1', '-o', 'wire.csv').exit_code == 0
+    with Path('wire.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    swapped = [[row['x'], row['z'], row['y']] for row in rows]
+    Path('swapped.csv').write_text('\n'.join(['x,y,z', *map(','.join, swapped)]))
+    given = ['-g', '0,0,1', '--find', 'bending_stiffness', '-o', 'found.yaml']
+    result = run('identify', 'copper_wire', 'swapped.csv', *given)
+    assert result.exit_code == NO_SOLUTION
+    assert 'does not explain the points' in result.output and 'check the axes' in result.output
+    assert not Path('found.yaml').exists()
+    # what the terminal writes of a shape is read by its heading, s first
+    result = run('identify', 'copper_wire', 'wire.csv', *given)
+    assert result.exit_code == 0 and re.search(r'misfit +[0-9.]+e-1', result.output)
+    assert Path('found.yaml').exists()
+
+
+def test_grams_for_kilograms_are_doubted():
+    result = run('cable', '--diameter', '0.006', '--mass-per-length', '45', '--length', '0.5',
+                 '--sag', '0.12', '-o', 'my.yaml')
+    assert result.exit_code == 0 and result.output.count('warning: rod: density 1.59e+06') == 1
+    result = run('shape', 'my.yaml', '-g', '0,0,1')
+    assert result.output.count('warning: rod: density 1.59e+06') == 1
+
+
 @pytest.mark.parametrize('limpness', [0.5, 4.0, 40.0])
 def test_a_cable_hangs_down_by_its_sag(limpness):
     def level(s, y):  # the elastica: d^2 theta / du^2 = limpness (1 - u) cos theta, s = L u

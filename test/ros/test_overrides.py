@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Values given at the start: taken with their types, and named where they mean nothing."""
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import pytest
@@ -90,6 +91,23 @@ def judged(phase, **changed):
     SceneMonitor(Shared(node, Store(state), None, None, None, None), None)
     return made[0]([Parameter(name.replace('__', '.'), value=value)
                     for name, value in changed.items()])
+
+
+@pytest.mark.parametrize(('changed', 'said'), [
+    ({'rod__density': 8.96}, 'density 8.96 kg/m^3'), ({'rod__density': 8000.0}, ''),
+    ({'threading__waypoints': 7}, '')])
+def test_doubts_about_another_dlo_are_in_the_log(changed, said):
+    made, warned = [], []
+    node = SimpleNamespace(add_on_set_parameters_callback=lambda _: None,
+                           add_post_set_parameters_callback=made.append,
+                           add_latched=lambda *_: None,
+                           get_logger=lambda: SimpleNamespace(warning=warned.append))
+    status = SimpleNamespace(answering=lambda *_, **__: nullcontext(), info=lambda _: None)
+    store = Store(State(Scene.of(VALUES)))
+    SceneMonitor(Shared(node, store, None, status, None, None), None)
+    made[0]([Parameter(name.replace('__', '.'), value=value) for name, value in changed.items()])
+    assert len(warned) == bool(said) and all(said in one for one in warned)
+    assert store.state.scene['rod.density'] == changed.get('rod__density', VALUES['rod.density'])
 
 
 @pytest.mark.parametrize('phase', ['running', 'waiting', 'settling', 'stopping'])

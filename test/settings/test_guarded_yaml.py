@@ -68,7 +68,7 @@ def test_what_is_no_file_is_refused_without_waiting(tmp_path, reader):
 
 
 @pytest.mark.parametrize(('text', 'content'), [
-    ('1:30', '1:30'), ('010', 10), ('0o10', 8), ('0x1F', 31), ('09', 9), ('+5', 5), ('-0', 0),
+    ('1:30', '1:30'), ('0o10', 8), ('0x1F', 31), ('0', 0), ('01.5', 1.5), ('+5', 5), ('-0', 0),
     ('1_000', '1_000'), ('0b11', '0b11'), ('yes', 'yes'), ('off', 'off'), ('y', 'y'),
     ('true', True), ('FALSE', False), ('tRue', 'tRue'), ('~', None), ('', None), ('Null', None),
     ('8e3', 8e3), ('1.', 1.0), ('.5', 0.5), ('-.5E+2', -50.0), ('1e', '1e'), ('.inf', math.inf),
@@ -77,6 +77,14 @@ def test_what_is_no_file_is_refused_without_waiting(tmp_path, reader):
 def test_scalars_are_those_of_the_core_schema(text, content):
     found = load_yaml(f'- {text}', 'text')[0]
     assert found == content and type(found) is type(content)
+
+
+@pytest.mark.parametrize('text', ['010', '-010', '09', '00', '!!int 010', '0' + '1' * 500])
+def test_a_whole_number_that_begins_with_0_is_refused_it_is_of_base_8_elsewhere(text):
+    for one in (f'- {text}', f'{{{text}: 1}}', f'a: [{text}]'):
+        with pytest.raises(InvalidTask, match='line 1: expected YAML, a number without a lead'):
+            load_yaml(one, 'task')
+    assert load_yaml(yaml_of(['010']), 'text') == ['010']  # a string is quoted
 
 
 def test_nan_aliases_and_a_byte_order_mark_are_read(tmp_path):

@@ -10,10 +10,10 @@ import pytest
 
 from dlo_planner import DirectSimulator, InvalidTask, Rod
 from dlo_planner.identify import Fit
+from dlo_planner.model.rod import doubts
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.settings.build import (
     direct_of,
-    doubts,
     inverse_of,
     limits_of,
     parameters_of_fit,

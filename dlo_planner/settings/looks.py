@@ -1,0 +1,305 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Looks at a DLO (Observations) from files: YAML, tables of points (CSV), NumPy's arrays.
+
+What a column or a key means is told by its name; what would have to be guessed is refused.
+"""
+
+import csv
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from io import BytesIO
+from math import nan
+from pathlib import Path
+from typing import Any, NamedTuple
+from warnings import warn
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import DloPlannerError, DoubtfulInput, InvalidTask
+from dlo_planner.files import readable, text_of
+from dlo_planner.identify.observation import Observation
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import array, choice, did_you_mean, known_keys, shown
+from dlo_planner.model.plain_poses import pose_of
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.supports import FarEnd
+from dlo_planner.settings.yaml_files import read_yaml
+
+UNITS = {'m': 1.0, 'cm': 0.01, 'mm': 0.001, 'in': 0.0254}  # in m
+TABLES = ('.csv', '.tsv', '.npy')
+_KEYS = ('gripper', 'points', 's', 'far_end', 'normal', 'initial', 'unit')
+_AXES = ('x', 'y', 'z')
+# columns that tell when: a look is of one time
+_TIMES = ('time', 't', 'stamp', 'frame')
+# columns that are known to tell nothing here: names of points, the rest of what
+# `dlo-planner shape -o wire.csv` writes
+_IDLE = ('id', 'name', 'label', 'index', 'point', 'marker', 'qx', 'qy', 'qz', 'qw', 'torsion',
+         'curvature_n', 'curvature_b')
+_HEADING = re.compile(r'(?P<name>.*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*[\])])?')
+_DECIMAL_COMMA = re.compile(r'[-+]?\d*,\d+([eE][-+]?\d+)?')
+_MOST_ARRAY = 2**26  # bytes
+
+
+def read_observations(paths: Sequence[Path], grippers: Sequence[Pose],
+                      unit: str = 'm') -> list[Observation]:
+    """Return the Observations of files.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        YAML or JSON files, each with its grippers; tables of points, .csv, .tsv or .npy.
+    grippers : sequence of Pose
+        Pose of the gripper of each table.
+    unit : str, optional
+        Unit of lengths in tables that do not state theirs: 'm', 'cm', 'mm', 'in'.
+
+    Raises
+    ------
+    InvalidTask
+        A file says what cannot be understood, or would have to be guessed; the message names the
+        file, and the line or key.
+    """
+    scale = UNITS[choice('unit', unit, UNITS)]
+    tables = [path for path in paths if path.suffix.lower() in TABLES]
+    if len(tables) != len(grippers):
+        raise InvalidTask(f'--gripper was given {len(grippers)} times: expected once for each of '
+                          f'the {len(tables)} tables of points ({", ".join(TABLES)})')
+    left, out = iter(grippers), []
+    for path in paths:
+        if path.suffix.lower() in TABLES:
+            out.append(_of_table(path, next(left), scale))
+        else:
+            out += _of_yaml(path)
+    return out
+
+
+# ---- YAML -----------------------------------------------------------------------------------
+
+
+def _of_yaml(path: Path) -> list[Observation]:
+    content = read_yaml(path)
+    if isinstance(content, dict) and 'observations' in content:
+        known_keys(str(path), content, ('observations',))
+        content = content['observations']
+    elif isinstance(content, dict):
+        content = [content]
+    if not isinstance(content, list) or not content:
+        raise InvalidTask(f'{path}: expected a list of observations')
+    return [_look(f'{path}[{k}]', one, path.parent) for k, one in enumerate(content)]
+
+
+def _look(name: str, content: object, folder: Path) -> Observation:
+    """Return the Observation of a look: {gripper: ..., points: ..., ...}."""
+    if not isinstance(content, Mapping):
+        raise InvalidTask(f'{name} = {shown(content)}: expected gripper: and points:')
+    known_keys(name, content, _KEYS)
+    if not {'gripper', 'points'} <= content.keys():
+        raise InvalidTask(f'{name}: expected gripper: and points:')
+    scale = UNITS[choice(f'{name}.unit', content.get('unit', 'm'), UNITS)]
+    given = {key: content[key] for key in ('points', 's', 'normal') if content.get(key) is not None}
+    for key in ('points', 's'):
+        if key in given:
+            given[key] = scale * array(f'{name}.{key}', given[key],
+                                       (None, 3) if key == 'points' else (None,))
+    if content.get('far_end') is not None:
+        given['far_end'] = _far_end(f'{name}.far_end', content['far_end'])
+    if content.get('initial') is not None:
+        if not isinstance(content['initial'], str):
+            raise InvalidTask(f'{name}.initial = {shown(content["initial"])}: expected the name of '
+                              'a file with a Shape, .npz or .json')
+        given['initial'] = Shape.load(folder / content['initial'])
+    return _observation(name, pose_of(f'{name}.gripper', content['gripper']), given)
+
+
+def _far_end(name: str, content: object) -> FarEnd:
+    """Return a FarEnd: {pose, grip}; a pose, which clamps it; or a place (3,), which pins it."""
+    if isinstance(content, Mapping) and 'position' not in content:
+        known_keys(name, content, ('pose', 'grip'))
+        if 'pose' not in content:
+            raise InvalidTask(f'{name}: expected pose:, and grip: (clamped, pinned, sleeve or '
+                              'aligned)')
+        pose, grip = pose_of(f'{name}.pose', content['pose']), content.get('grip', 'clamped')
+        try:
+            return FarEnd(pose, grip)
+        except InvalidTask as error:
+            raise InvalidTask(f'{name}: {error}') from None
+    pose = pose_of(name, content)
+    return FarEnd(pose, 'pinned' if isinstance(content, list) and len(content) == 3 else 'clamped')
+
+
+def _observation(name: str, gripper: Pose, given: Mapping[str, Any]) -> Observation:
+    try:
+        return Observation(gripper, **given)
+    except DloPlannerError as error:
+        raise InvalidTask(f'{name}: {error}') from None
+
+
+# ---- tables of points -----------------------------------------------------------------------
+
+
+class _Column(NamedTuple):
+    """What a column of a table is."""
+
+    name: str     # in small letters, without its unit
+    scale: float  # m; 1 of what is no length
+
+
+def _of_table(path: Path, gripper: Pose, scale: float) -> Observation:
+    if path.suffix.lower() == '.npy':
+        return _observation(str(path), gripper, {'points': scale * _array_of(path)})
+    lines = _lines(path)
+    delimiter = _delimiter(path, lines)
+    rows = [(number, line.split() if delimiter == ' ' else [
+        cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))])
+        for number, line in lines]
+    columns: list[_Column] = []
+    if rows and not all(_is_number(cell) for cell in rows[0][1]):
+        columns = _columns(f'{path}, line {rows[0][0]}', rows.pop(0)[1], scale)
+    elif rows and len(rows[0][1]) == len(_AXES):
+        columns = [_Column(axis, scale) for axis in _AXES]
+    elif rows:
+        raise InvalidTask(
+            f'{path}: expected x, y, z in a table without a heading, it has {len(rows[0][1])} '
+            f'columns; say what they are in the first line, as s,x,y,z'
+            f'{_ON_COMMAS if delimiter == "," else ""}')
+    if not rows:
+        raise InvalidTask(f'{path}: expected lines of x, y, z in m')
+    table = {column.name: column.scale * values for column, values in zip(
+        columns, _numbers(path, rows, columns, delimiter).T, strict=True)}
+    return _look_of(path, gripper, table)
+
+
+_ON_COMMAS = ' (with a decimal comma, columns have to be separated by semicolons)'
+
+
+def _look_of(path: Path, gripper: Pose, table: Mapping[str, Floats]) -> Observation:
+    """Return the Observation of columns by name."""
+    for name in _TIMES:
+        if name in table and np.unique(table[name]).size > 1:
+            raise InvalidTask(f'{path}: column {name} changes: expected points of a DLO at rest, '
+                              'seen at one time')
+    missing = [axis for axis in _AXES if axis not in table]
+    if len(missing) > 1:
+        raise InvalidTask(f'{path}: expected columns x, y and z, or two of them of a picture, got '
+                          f'{", ".join(table) or "none of them"}{_ON_COMMAS}')
+    count = len(next(iter(table.values())))
+    given: dict[str, Any] = {}
+    others = [name for name in table if name not in (*_AXES, 's', *_TIMES, *_IDLE)]
+    if missing and others:
+        raise InvalidTask(f'{path}: expected a column {missing[0]}, or of a picture none that is '
+                          f'not known, got {", ".join(table)}{did_you_mean(others[0], missing)}')
+    if missing:
+        warn(f'{path}: a look without {missing[0]}, which counts as not measured', DoubtfulInput,
+             stacklevel=2)
+        given['normal'] = np.eye(3)[_AXES.index(missing[0])]
+    places = {axis: np.full(count, gripper.position[k]) for k, axis in enumerate(_AXES)} | {
+        axis: table[axis] for axis in _AXES if axis in table}
+    given['points'] = np.column_stack([places[axis] for axis in _AXES])
+    if 's' in table:
+        given['s'] = table['s']
+    return _observation(str(path), gripper, given)
+
+
+def _lines(path: Path) -> list[tuple[int, str]]:
+    """Return the lines of a table that are not empty, with their numbers; # begins a comment.
+
+    A first line of names may be one, as `numpy.savetxt` writes it.
+    """
+    out: list[tuple[int, str]] = []
+    for number, line in enumerate(text_of(path).splitlines(), start=1):
+        bare = line.strip()
+        if bare.startswith('#'):
+            bare = bare.lstrip('#').strip()
+            if out or not {*_AXES} & {*re.findall(r'\w+', bare.lower())}:
+                continue
+        if bare:
+            out.append((number, bare))
+    return out
+
+
+def _delimiter(path: Path, lines: Sequence[tuple[int, str]]) -> str:
+    """Return what separates columns: of semicolons, tabs, commas, spaces the first there is."""
+    text = '\n'.join(line for _, line in lines)
+    if '"' in text and text.count('"') % 2:
+        raise InvalidTask(f'{path}: expected lines of x, y, z, a quote is not closed')
+    return next((one for one in ';\t,' if one in text), ' ')
+
+
+def _is_number(cell: str) -> bool:
+    return _number(cell) is not None
+
+
+def _number(cell: str) -> float | None:
+    """Return a cell as a number, with a decimal point or comma; None if it is none."""
+    if _DECIMAL_COMMA.fullmatch(cell):
+        cell = cell.replace(',', '.')
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _columns(where: str, cells: Sequence[str], scale: float) -> list[_Column]:
+    """Return the Columns of a heading, as `x`, `x [mm]`, `x (mm)` or `x_mm`."""
+    out = []
+    if any(map(_is_number, cells)):
+        raise InvalidTask(f'{where}: expected numbers alone, or names of columns alone, as s,x,y,z')
+    for cell in cells:
+        match = _HEADING.fullmatch(cell.strip().strip('"'))
+        name, unit = ('', None) if match is None else (match['name'].lower(), match['unit'])
+        before, _, after = name.rpartition('_')
+        if unit is None and before in (*_AXES, 's') and after in UNITS:
+            name, unit = before, after
+        length = name in (*_AXES, 's')
+        if length and unit is not None and unit not in UNITS:
+            raise InvalidTask(f'{where}: {cell!r}: expected a unit out of {", ".join(UNITS)}')
+        if name and name not in (*_AXES, 's', *_TIMES, *_IDLE):
+            warn(f'{where}: column {cell!r} is not read{did_you_mean(name, (*_AXES, "s"))}',
+                 DoubtfulInput, stacklevel=2)
+        out.append(_Column(name, 1.0 if not length else scale if unit is None else UNITS[unit]))
+    names = [column.name for column in out if column.name]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InvalidTask(f'{where}: column {twice!r}: expected once, it is there twice')
+    return out
+
+
+def _numbers(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Sequence[_Column],
+             delimiter: str) -> Floats:
+    """Return the numbers (n, columns) of a table, nan in columns that are not read."""
+    read = {*_AXES, 's', *_TIMES}
+    written = {sign for _, cells in rows for cell in cells if _is_number(cell) for sign in ',.'
+               if sign in cell}
+    if len(written) == 2:  # noqa: PLR2004
+        raise InvalidTask(f'{path}: expected decimal points or decimal commas, it has both')
+
+    def values() -> Iterator[list[float]]:
+        for number, cells in rows:
+            where = f'{path}, line {number}'
+            if len(cells) != len(columns):
+                raise InvalidTask(
+                    f'{where}: expected {len(columns)} columns as in the first line, '
+                    f'{", ".join(column.name for column in columns)}, got {len(cells)}'
+                    f'{_ON_COMMAS if delimiter == "," and len(cells) > len(columns) else ""}')
+            line = []
+            for column, cell in zip(columns, cells, strict=True):
+                value = _number(cell) if column.name in read else nan
+                if value is None or column.name in read and not np.isfinite(value):
+                    raise InvalidTask(f'{where}: {column.name} = {shown(cell)}: expected a finite '
+                                      'number')
+                line.append(value)
+            yield line
+
+    return np.array(list(values()))
+
+
+def _array_of(path: Path) -> Floats:
+    """Return the points (n, 3) of a file of NumPy's."""
+    try:
+        content = np.load(BytesIO(readable(path, _MOST_ARRAY).read_bytes()), allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise InvalidTask(f'{path}: expected an array of NumPy with points (n, 3), {error}'
+                          ) from None
+    return array(str(path), content, (None, 3))
