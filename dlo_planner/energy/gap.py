@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlo_planner.energy.chords import lowest_of_tangents, sheet_bound
 from dlo_planner.energy.scene import (
     AXIS,
     EDGE,
@@ -284,6 +285,157 @@ def slope_along(scene, o, rotation, strain, offset, normal, hessian):
     if count and scene.feature[o] != NODE_FACE:
         curve = curves[count - 1, count - 1]
     return slope, curve
+
+
+# ------------------------------------------------------------------------------------------------
+# The least gap along an element, whatever minima it has there: by branch and bound.
+#
+# Between two points of an element the DLO is no farther from its chord than w^2/8 times its
+# curvature in a length w, on an exact helix. No distance changes by more than the place does. So
+# what a chord keeps at least (`energy.chords`), less that height, is a lower bound of all gaps
+# between. Where it is not sufficient one point more is looked at. The bound is as good as the
+# square of the length: some ten points are enough, and where an element bends just as the obstacle
+# does the bound need not be as close.
+
+
+_HEAP = 64      # points that wait at a time; each halves what is left at least every second time
+_MOST = 2000    # points of one element: what is then not known is told as the bound
+_CLOSELY = 32   # points, after which twice the slack is left, and so on
+_SLACK = 128.0  # times what is asked for, at most
+_SHARE = 0.02   # of a piece: nearer to its ends it is not cut
+_THIN = 1e-10   # of an element: what is shorter is a point
+
+
+@kernel
+def least_gap(scene, o, e, low, high, below, exact, lengths, strains, rotations, positions):
+    """Return the least gap in m of element e between two fractions, where, and a lower bound.
+
+    No gap between them is less than the gap returned, or than `below` m, by more than 128 `exact`
+    m, as a rule by less than `exact`; where that cannot be told in time the bound is less than the
+    gap.
+    """
+    at, gaps, radii = np.empty(_HEAP), np.empty(_HEAP), np.empty(_HEAP)
+    places, normals = np.empty((_HEAP, 3)), np.empty((_HEAP, 3))
+    sides = np.empty((_HEAP, 2, 3))
+    bend = _bend(scene, o, strains[e])
+    size = lengths[e]
+    slopes = np.empty(2)
+    here, top, looks = 0, 1, 2  # the point at the left, and the next one of those that wait
+    at[0], at[1] = low, high
+    for k in range(2):
+        _look(scene, o, e, k, lengths, strains, rotations, positions, at, gaps, radii, places,
+              normals, sides)
+    best, where = gaps[0], low
+    if gaps[1] < best:
+        best, where = gaps[1], high
+    bound = np.inf
+    while True:
+        width = (at[top] - at[here]) * size
+        _slopes(scene, o, here, top, radii, places, normals, sides, slopes)
+        if scene.kind[o] == SHEET:
+            least = sheet_bound(scene, o, places[here], places[top]) - max(radii[here], radii[top])
+        else:
+            least = lowest_of_tangents(gaps[here], slopes[0], gaps[top], slopes[1])
+        least -= 0.125 * bend * width * width
+        slack = exact * min(2.0 ** (looks // _CLOSELY), _SLACK)
+        done = least >= min(best, below) - slack
+        if not done and (at[top] - at[here] <= _THIN or looks >= _MOST or top + 1 >= _HEAP):
+            bound, done = min(bound, least), True
+        if done:
+            if top == 1:
+                break
+            _take(here, top, at, gaps, radii, places, normals, sides)
+            top -= 1
+            continue
+        share = 0.5
+        if looks % 2 == 0 and slopes[0] < 0.0 < slopes[1]:  # where its slope should be zero
+            share = min(max(slopes[0] / (slopes[0] - slopes[1]), _SHARE), 1.0 - _SHARE)
+        top += 1
+        at[top] = at[here] + share * (at[top - 1] - at[here])
+        _look(scene, o, e, top, lengths, strains, rotations, positions, at, gaps, radii, places,
+              normals, sides)
+        looks += 1
+        if gaps[top] < best:
+            best, where = gaps[top], at[top]
+    return best, where, min(best, bound)
+
+
+@kernel
+def _look(scene, o, e, k, lengths, strains, rotations, positions, at, gaps, radii, places, normals,
+          sides):
+    """Fill in what is known of point k of those of `least_gap`.
+
+    That is gap, radius and, in the world, a place of the section and the normal there; of a face
+    the place of the axis and both directions across, as long as its half sizes.
+    """
+    rotation, x, offset, point = np.empty((3, 3)), np.empty(3), np.zeros(2), np.empty(3)
+    hessian = np.empty((3, 3))
+    point_inside(lengths, strains, rotations, positions, e, at[k], rotation, x)
+    radii[k] = radius_at(scene, o, e, at[k])
+    gaps[k] = gap_at(scene, o, rotation, x, radii[k], offset, point, normals[k], hessian)
+    for i in range(3):
+        if scene.feature[o] >= FACE:
+            places[k, i] = scene.origin[i] + x[i]
+            for side in range(2):
+                sides[k, side, i] = rotation[i, 1 + side] * scene.offset[o, side]
+        else:
+            places[k, i] = point[i]
+
+
+@kernel
+def _take(here, top, at, gaps, radii, places, normals, sides):
+    """Copy what is known of point `top` to point `here`."""
+    at[here], gaps[here], radii[here] = at[top], gaps[top], radii[top]
+    for i in range(3):
+        places[here, i], normals[here, i] = places[top, i], normals[top, i]
+        for side in range(2):
+            sides[here, side, i] = sides[top, side, i]
+
+
+@kernel
+def _slopes(scene, o, here, top, radii, places, normals, sides, slopes):
+    """Fill slopes (2,): of the gap along the chord between two points, per its length, at both.
+
+    A face's point may be anywhere across: of the slopes the one that leaves the least gap.
+    """
+    for end in range(2):
+        k = here if end == 0 else top
+        slope = radii[here] - radii[top]
+        for i in range(3):
+            slope += normals[k, i] * (places[top, i] - places[here, i])
+        if scene.feature[o] >= FACE:
+            turned = 0.0
+            for side in range(2):
+                along = 0.0
+                for i in range(3):
+                    along += normals[k, i] * (sides[top, side, i] - sides[here, side, i])
+                turned += abs(along)
+            slope += turned if end == 1 else -turned
+        slopes[end] = slope
+
+
+@kernel
+def _bend(scene, o, strain):
+    """Return the largest curvature in 1/m of the ways along the DLO that a feature may take."""
+    if scene.feature[o] == AXIS:
+        return np.sqrt(strain[1] ** 2 + strain[2] ** 2)
+    n, b = scene.offset[o, 0], scene.offset[o, 1]
+    bend = _bend_beside(strain, n, b)
+    if scene.feature[o] >= FACE:
+        bend = max(bend, _bend_beside(strain, -n, b), _bend_beside(strain, n, -b),
+                   _bend_beside(strain, -n, -b))
+    return bend
+
+
+@kernel
+def _bend_beside(strain, n, b):
+    """Return |u x w|, by which the motion of a point of the section at (n, b) turns, 1/m."""
+    w0 = 1.0 + strain[1] * b - strain[2] * n
+    w1, w2 = -strain[0] * b, strain[0] * n
+    t0 = strain[1] * w2 - strain[2] * w1
+    t1 = strain[2] * w0 - strain[0] * w2
+    t2 = strain[0] * w1 - strain[1] * w0
+    return np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
 
 
 # ------------------------------------------------------------------------------------------------
