@@ -12,9 +12,10 @@ the real one; `python -m benchmarks.gaps contact 1000` does the same for steps i
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
+from time import process_time
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -34,9 +35,11 @@ from dlo_planner import (
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import Bodies, clearance
 
-DENSE = 160     # samples of an element
+SPACING = 0.1   # of the DLO's radius: a hole is wider, and so are minima beside it apart
+LEAST, MOST = 60, 3000  # samples of an element
 ZOOMS = 5       # looks at the lowest samples, each 20 times closer
-LOWEST = 6      # places that are looked at closer
+SIDE = np.linspace(-1, 1, 9)
+AROUND = np.array([(a, b) for a in SIDE for b in SIDE if max(abs(a), abs(b)) == 1])
 KINDS = ('hole', 'own hole', 'two holes', 'slot', 'box', 'capsule', 'cylinder', 'ellipsoid',
          'sphere', 'strip on a box', 'strip on a capsule', 'strip in a hole', 'tapered')
 
@@ -126,9 +129,9 @@ def _ellipsoid_distance(local, half):
 
 
 def _sheet_distance(sheet, local):
-    """A plate whose holes are far from its border and from each other."""
+    """Of a plate whose holes are far from its border and from each other."""
     plane, height = local[..., 1:], np.abs(local[..., 0]) - sheet.thickness / 2
-    out = (np.abs(plane) - [sheet.width / 2, sheet.height / 2]).max(axis=-1)
+    out = _box_distance(plane, np.array([sheet.width, sheet.height]) / 2)
     for one in sheet.cutouts:
         away = plane - (sheet.pose.rotation.T @ (one.center - sheet.pose.position))[1:]
         if one.radius is not None:
@@ -146,7 +149,7 @@ def _sheet_distance(sheet, local):
 
 
 def gaps_along(shape, surface, body, e, fractions):
-    """Return (n,) the gaps at fractions of an element; of a strip, of its four edges."""
+    """Return (n,) the gaps at fractions of an element; of a strip, of points all around it."""
     axis, frames = places(shape, e, fractions)
     if surface.half is None:
         radius = surface.radius
@@ -154,25 +157,26 @@ def gaps_along(shape, surface, body, e, fractions):
             ends = surface.radii(shape.s)[e]
             radius = ends[0] + fractions * (ends[1] - ends[0])
         return distance(body, axis) - radius
-    corners = np.array([(a, b) for a in (-1, 1) for b in (-1, 1)]) * surface.half
-    edges = axis[:, None] + np.einsum('nij,cj->nci', frames[:, :, 1:], corners)
-    return distance(body, edges).min(axis=1)
+    outside = axis[:, None] + np.einsum('nij,cj->nci', frames[:, :, 1:], AROUND * surface.half)
+    return distance(body, outside).min(axis=1)
 
 
 def least(shape, surface, body, near=np.inf):
     """Return the least gap of a DLO to a body, by samples; inf where none comes within `near`."""
-    best, found = np.inf, np.linspace(0, 1, DENSE + 1)
-    reach = np.diff(shape.s) + (0 if surface.half is None else np.hypot(*surface.half))
+    best = np.inf
+    reach = np.diff(shape.s) + 2 * surface.radius * (surface.half is not None)
     nodes = distance(body, shape.positions) - surface.radius
-    for e in range(shape.s.size - 1):
-        if min(nodes[e], nodes[e + 1]) - reach[e] > min(near, best):
-            continue
+    bounds = np.minimum(nodes[1:], nodes[:-1]) - reach  # no gap changes by more than the way
+    for e in np.argsort(bounds):
+        if bounds[e] > min(near, best):
+            break
+        many = int(np.clip(reach[e] / (SPACING * surface.radius), LEAST, MOST))
+        found = np.linspace(0, 1, many + 1)
         gaps = gaps_along(shape, surface, body, e, found)
         best = min(best, gaps.min())
-        inner = np.flatnonzero((gaps[1:-1] <= gaps[:-2]) & (gaps[1:-1] <= gaps[2:])) + 1
-        candidates = np.unique(np.concatenate([inner, [0, DENSE]]))
-        for k in candidates[np.argsort(gaps[candidates])][:LOWEST]:
-            middle, width = found[k], 1 / DENSE
+        lowest = gaps <= np.minimum(np.append(gaps[1:], np.inf), np.append(np.inf, gaps[:-1]))
+        for k in np.flatnonzero(lowest & (gaps - 2 * reach[e] / many < best)):
+            middle, width = found[k], 1 / many
             for _ in range(ZOOMS):
                 closer = np.clip(np.linspace(middle - width, middle + width, 41), 0, 1)
                 gaps_closer = gaps_along(shape, surface, body, e, closer)
@@ -185,6 +189,7 @@ def least(shape, surface, body, near=np.inf):
 # Near-critical cases.
 
 LENGTH = 1.0
+SAME = 8  # cases of one shape
 
 
 @cache
@@ -194,8 +199,10 @@ def _template(n):
         Pose.identity())
 
 
-def any_shape(rng):
+@lru_cache(maxsize=2)
+def any_shape(*seed):
     """Return a Shape of 16 to 200 elements, even or graded, bent and twisted as it comes."""
+    rng = np.random.default_rng(seed)
     n = int(rng.choice([16, 24, 40, 64, 100, 200]))
     s = np.linspace(0, LENGTH, n + 1)
     if rng.random() < 0.5:
@@ -211,6 +218,15 @@ def any_shape(rng):
     frames, positions = bent(s, strains, gripper)
     return replace(_template(n), s=s, gripper=gripper, element_strains=strains, frames=frames,
                    positions=positions)
+
+
+def straight(gripper, length):
+    """Return a straight Shape of two elements."""
+    n = 2
+    s = np.linspace(0, length, n + 1)
+    frames, positions = bent(s, np.zeros((n, 3)), gripper)
+    return replace(_template(n), s=s, gripper=gripper, element_strains=np.zeros((n, 3)),
+                   frames=frames, positions=positions)
 
 
 def _frame_somewhere(rng, shape):
@@ -276,9 +292,10 @@ def _beside(rng, shape, surface, make):
     return body
 
 
-def case(kind, rng):
+def case(kind, index, seed=0):
     """Return a Shape, a Surface and a body of one kind."""
-    shape = any_shape(rng)
+    shape = any_shape(seed, KINDS.index(kind), index // SAME, 1)
+    rng = np.random.default_rng([seed, KINDS.index(kind), index])
     surface = Surface(LENGTH * 10 ** rng.uniform(-3.3, -2.0))
     if kind.startswith('strip'):
         surface = Surface.of(Rod.rectangular(LENGTH, *(LENGTH * rng.uniform(0.002, 0.02, 2)),
@@ -318,9 +335,12 @@ def stated(kind, shape, surface, body):
 def overstated(kind: str, count: int, seed: int = 0) -> Iterator[tuple[float, float, int]]:
     """Yield by how much stated clearances exceed real ones, the real one, and the case's seed."""
     for index in range(count):
-        shape, surface, body = case(kind, np.random.default_rng([seed, KINDS.index(kind), index]))
+        shape, surface, body = case(kind, index, seed)
         real = least(shape, surface, body)
-        yield stated(kind, shape, surface, body) - real, real, index
+        said = stated(kind, shape, surface, body)
+        # of a strip that an edge of a box cuts it is said that it is in the box, not how deep
+        cut = kind == 'strip on a box' and said < 0.0 and real < 0.0
+        yield min(0.0, said - real) if cut else said - real, real, index
 
 
 def print_clearances(kinds, count, seed) -> None:
@@ -337,6 +357,68 @@ def print_clearances(kinds, count, seed) -> None:
             print('  worst cases:', [int(index[k]) for k in np.argsort(-off)[:5]])
 
 
+# ------------------------------------------------------------------------------------------------
+# Contacts: how deep a DLO really is where a step converged.
+
+
+def steps_in_a_hole(rng, steps=8):
+    """Yield Shapes, with the simulator's obstacle, of steps of a DLO that is pressed in a hole."""
+    n = int(rng.choice([16, 24, 32, 48, 64]))
+    radius = LENGTH * 10 ** rng.uniform(-3.0, -2.3)
+    stiff = 10 ** rng.uniform(-2, 0)
+    rod = Rod(LENGTH, 0.05 if rng.random() < 0.7 else 0.0, stiff, 0.8 * stiff, radius=radius)
+    tilt, angle = rng.choice([0.1, 0.5, 0.9, 1.2]) * rng.random(), rng.uniform(0, 2 * np.pi)
+    gripper = Pose.looking_along((0, 0, 0), (1, 0, 0.3 * rng.normal()))
+    free = DirectSimulator(rod, basis='local', n_elements=n).solve(gripper)
+    axes, place = free.frame_at(rng.uniform(0.3, 0.9))
+    normal = axes @ [np.cos(tilt), np.sin(tilt) * np.cos(angle), np.sin(tilt) * np.sin(angle)]
+    pose = Pose.looking_along(place, normal)
+    thick = rng.choice([0.0, 0.0, 0.5, 2.0, 6.0]) * radius
+    room = rng.choice([1.02, 1.1, 1.5, 2.5]) * radius
+    hole = radius
+    for _ in range(6):  # as wide as its passage needs, and a little more
+        sheet = Sheet(pose, 0.4, 0.4, thick, (CutOut(pose, radius=hole),))
+        hole = max(hole - _roughly(free, Surface(radius), sheet) + 1e-4 * LENGTH, room)
+    sheet = Sheet(pose, 0.4, 0.4, thick, (CutOut(pose, radius=hole),),
+                  float(rng.choice([0.0, 0.0, 0.3])))
+    simulator = DirectSimulator(rod, basis='local', n_elements=n, obstacles=[sheet])
+    way, turn = 0.004 * LENGTH * rng.normal(size=3), 0.02 * rng.normal(size=3)
+    shape = simulator.solve(gripper)
+    for _ in range(steps):
+        gripper = Pose.from_rotation(
+            gripper.position + way,
+            Rotation.from_rotvec(turn).as_matrix() @ gripper.rotation)
+        shape = simulator.solve(gripper, shape)
+        yield shape, sheet
+        if not shape.converged:
+            return
+
+
+def print_contacts(count, seed) -> None:
+    """Print how deep DLOs are in obstacles that they are said to touch."""
+    deep, said, touched, failed, index, used = [], [], 0, 0, 0, 0.0
+    while len(deep) < count:
+        rng = np.random.default_rng([seed, 77, index])
+        begun = process_time()
+        shapes = list(steps_in_a_hole(rng))
+        used += process_time() - begun
+        for shape, sheet in shapes:
+            failed += not shape.converged
+            if shape.converged and shape.contacts:
+                touched += 1
+                real = -least(shape, Surface(shape.rod.radius), sheet, 0.0)
+                if real - shape.violation > 1e-6 * LENGTH:
+                    print(f'  chain {index}: {len(shape.s) - 1} elements, really {real:.3g} m '
+                          f'deep, {shape.violation:.2g} said', flush=True)
+                deep.append(real)
+                said.append(shape.violation)
+        index += 1
+    over = np.array(deep) - np.array(said)
+    print(f'{len(deep)} steps in contact of {index} ways, {failed} not converged; deeper than said '
+          f'by more than 1e-6 L: {(over > 1e-6 * LENGTH).sum()}, at most {over.max():.3g} m; '
+          f'{used:.1f} s of CPU')
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -347,6 +429,8 @@ def main(arguments: list[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     if given.what == 'clearance':
         print_clearances(given.kinds, given.count, given.seed)
+    else:
+        print_contacts(given.count, given.seed)
 
 
 if __name__ == '__main__':

@@ -35,7 +35,7 @@ def lowest_of_tangents(first: float, slope: float, second: float, other: float) 
 
 @kernel
 def sheet_bound(scene: Scene, o: int, x: Floats, y: Floats) -> float:
-    """Return a lower bound in m of `signed_distance` from layer `o` on the line from x to y (3,)."""
+    """Return a lower bound in m of `signed_distance` from layer `o` between x and y (3,), world."""
     p, q = np.empty(3), np.empty(3)
     for i in range(3):
         p[i] = q[i] = 0.0

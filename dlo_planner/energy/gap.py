@@ -448,6 +448,9 @@ def _bend_beside(strain, n, b):
 
 _END = 1e-12    # of an element: nearer to its end a point is the end
 _LEAST = 1e-15  # the same: a step that is no step any more
+_CLOSE = 1e-8   # of an element: a minimum that is less by no more is the same
+_APART = 1e-6   # the same: two minima that are no farther apart are one
+_ENTERED = 1e-6  # the same: where a point begins to roll that comes in through a node
 
 
 @kernel
@@ -457,9 +460,9 @@ def closest_point(scene, contacts, c, lengths, strains, rotations, positions, no
     Fills normal (3,) and hessian (3, 3) of the distance there.
     """
     o, e, fraction = contacts.obstacle[c], contacts.element[c], contacts.fraction[c]
-    if fraction == 0.0:
-        return follow_closest_point(scene, o, e, lengths, strains, rotations, positions, normal,
-                                    hessian)
+    if fraction <= 0.0:
+        return follow_closest_point(scene, o, e, -fraction, lengths, strains, rotations, positions,
+                                    normal, hessian)
     gap = gap_inside(scene, o, e, fraction, lengths, strains, rotations, positions, normal, hessian)
     return gap, e, fraction
 
@@ -474,21 +477,26 @@ def gap_inside(scene, o, e, fraction, lengths, strains, rotations, positions, no
 
 
 @kernel
-def follow_closest_point(scene, o, e, lengths, strains, rotations, positions, normal, hessian):
+def follow_closest_point(scene, o, e, begin, lengths, strains, rotations, positions, normal,
+                         hessian):
     """Return gap, element and fraction of the point that is nearest to obstacle o, from element e.
 
     Where the distance still falls at an end of the element, it is followed into the next ones, to
-    its first minimum. Fills normal (3,) and hessian (3, 3) of the distance there.
+    its first minimum. `begin`: see `closest_point_in_element`. Fills normal (3,) and hessian (3, 3)
+    of the distance there.
     """
-    gap, fraction = closest_point_in_element(scene, o, e, lengths, strains, rotations, positions,
-                                             normal, hessian)
+    gap, fraction = closest_point_in_element(scene, o, e, begin, lengths, strains, rotations,
+                                             positions, normal, hessian)
     if scene.feature[o] == NODE_FACE or 0.0 < fraction < 1.0:
         return gap, e, fraction
     step = -1 if fraction == 0.0 else 1
-    begin, end = node_range(scene, o, lengths.size)
-    while begin <= e + step < end and fraction == max(step, 0):
-        its_gap, its_fraction = closest_point_in_element(scene, o, e + step, lengths, strains,
-                                                         rotations, positions, normal, hessian)
+    first, last = node_range(scene, o, lengths.size)
+    while first <= e + step < last and fraction == max(step, 0):
+        if begin > 0.0:  # it is followed to the minimum that is next, wherever the least one is
+            begin = _ENTERED if step > 0 else 1.0 - _ENTERED
+        its_gap, its_fraction = closest_point_in_element(scene, o, e + step, begin, lengths,
+                                                         strains, rotations, positions, normal,
+                                                         hessian)
         if its_fraction == max(-step, 0):  # it rises again: the minimum is the node between
             break
         e, gap, fraction = e + step, its_gap, its_fraction
@@ -496,8 +504,82 @@ def follow_closest_point(scene, o, e, lengths, strains, rotations, positions, no
 
 
 @kernel
-def closest_point_in_element(scene, o, e, lengths, strains, rotations, positions, normal, hessian):
+def closest_point_in_element(scene, o, e, begin, lengths, strains, rotations, positions, normal,
+                             hessian):
     """Return gap and fraction of the point of element e that is nearest to obstacle o.
+
+    Where the gap may have several minima, beside a hole, it is the one next to the fraction `begin`
+    of the element or, if that is 0, the least of all. Fills normal (3,) and hessian (3, 3) of the
+    distance there.
+    """
+    gap, fraction = _minimum_from(scene, o, e, begin if begin > 0.0 else 0.5, lengths, strains,
+                                  rotations, positions, normal, hessian)
+    if begin > 0.0 or scene.kind[o] != SHEET or scene.feature[o] == NODE_FACE:
+        return gap, fraction
+    close = _CLOSE * lengths[e]
+    least, where, _ = least_gap(scene, o, e, 0.0, 1.0, gap, close, lengths, strains, rotations,
+                                positions)
+    if least < gap - close:
+        gap, fraction = _minimum_from(scene, o, e, where, lengths, strains, rotations, positions,
+                                      normal, hessian)
+    return gap, fraction
+
+
+@kernel
+def minima_in_element(scene, o, e, lengths, strains, rotations, positions, gaps, fractions):
+    """Fill gaps (2,), m, and fractions (2,) of the minima inside element e; return how many.
+
+    Beside a hole of a sheet there may be one before and one behind the place where the element is
+    nearest to the hole's axis: to both sides of it a straight line has no more than one. Minima at
+    the ends of an element are not counted. Beside a convex body there is one if any: a second one
+    would need an element that bends away from two edges, and that is less deep than it bends there.
+    """
+    normal, hessian = np.empty(3), np.empty((3, 3))
+    count, middle, where, close = 0, 1.0, 0.5, _CLOSE * lengths[e]
+    if scene.kind[o] == SHEET:
+        middle = _nearest_to_axis(scene, o, e, positions)
+    for part in range(2 if middle < 1.0 else 1):
+        if scene.kind[o] == SHEET:
+            low, high = (0.0, min(middle, 1.0)) if part == 0 else (middle, 1.0)
+            _, where, _ = least_gap(scene, o, e, low, high, np.inf, close, lengths, strains,
+                                    rotations, positions)
+        gap, fraction = _minimum_from(scene, o, e, where, lengths, strains, rotations, positions,
+                                      normal, hessian)
+        if 0.0 < fraction < 1.0 and (count == 0 or fraction - fractions[0] > _APART):
+            gaps[count], fractions[count] = gap, fraction
+            count += 1
+    return count
+
+
+@kernel
+def _nearest_to_axis(scene, o, e, positions):
+    """Return the fraction of an element's chord that is nearest to the axis of a hole; 1: no such.
+
+    Of several holes the one that its middle is nearest to.
+    """
+    way, away, nearest, fraction = np.empty(2), np.empty(2), np.inf, 1.0
+    for hole in range(scene.hole_of.size):
+        if scene.hole_of[hole] != o:
+            continue
+        size = along = square = 0.0
+        for i in range(2):
+            way[i] = away[i] = 0.0
+            for j in range(3):
+                way[i] += scene.axes[o, j, 1 + i] * (positions[e + 1, j] - positions[e, j])
+                away[i] += scene.axes[o, j, 1 + i] * (scene.center[o, j] - scene.origin[j]
+                                                      - positions[e, j])
+            away[i] += scene.hole_center[hole, i]
+            size += way[i] * way[i]
+            along += way[i] * away[i]
+            square += (away[i] - 0.5 * way[i]) ** 2
+        if square < nearest and size > 0.0:
+            nearest, fraction = square, along / size
+    return fraction if fraction > 0.0 else 1.0
+
+
+@kernel
+def _minimum_from(scene, o, e, begin, lengths, strains, rotations, positions, normal, hessian):
+    """Return gap and fraction of a minimum of the gap along element e, near the fraction `begin`.
 
     Fills normal (3,) and hessian (3, 3) of the distance there. A safeguarded Newton iteration for
     the zero of dg/ds; the nearest end of the element if there is none inside.
@@ -505,7 +587,7 @@ def closest_point_in_element(scene, o, e, lengths, strains, rotations, positions
     rotation, x = np.empty((3, 3)), np.empty(3)
     offset, point = np.zeros(2), np.empty(3)
     axial, grows = scene.feature[o] == AXIS, taper(scene, o, e) / lengths[e]
-    low, high, fraction, last = 0.0, 1.0, 0.5, 1.0
+    low, high, fraction, last = 0.0, 1.0, begin, 1.0
     if scene.feature[o] == NODE_FACE:
         low = fraction = 1.0
     for iteration in range(60):
@@ -584,7 +666,7 @@ def penetration(scene: Scene, lengths: Floats, strains: Floats, rotations: Float
             # no point of an element is farther than half its length from one of its nodes
             if k > begin and scene.feature[o] != NODE_FACE and (
                     min(gap, last) - 0.5 * lengths[e] * stretch(scene, o, strains[e]) < -deepest):
-                inside, _ = closest_point_in_element(scene, o, e, lengths, strains, rotations,
+                inside, _ = closest_point_in_element(scene, o, e, 0.0, lengths, strains, rotations,
                                                      positions, normal, hessian)
                 deepest = max(deepest, -inside)
             last = gap

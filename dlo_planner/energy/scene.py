@@ -467,6 +467,7 @@ def in_plane(scene, o, y, z, slope):
 
 @kernel
 def from_rectangle(y, z, half_y, half_z, slope):
+    """Return the signed distance of (y, z) from a rectangle and its curvature; fill its slope."""
     b, c = abs(y) - half_y, abs(z) - half_z
     sign_y = 1.0 if y >= 0 else -1.0
     sign_z = 1.0 if z >= 0 else -1.0

@@ -176,8 +176,7 @@ def _smallest(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
             out[part] = min(out[part], gaps[k])
         for e in range(begin, end):
             # no point of an element comes nearer than half its length beyond its nodes' mean
-            reach = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
-            bound = 0.5 * (gaps[e] + gaps[e + 1] - reach)
+            bound = 0.5 * (gaps[e] + gaps[e + 1] - _reach(scene, o, e, lengths, strains))
             part = _part(heights[e], half, flush)
             if part == _part(heights[e + 1], half, flush) and bound >= out[part]:
                 continue
@@ -208,6 +207,12 @@ def _smallest(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
                     out[part] = min(out[part], gap)
     out[3] = np.min(out[:3])
     return out
+
+
+@kernel
+def _reach(scene: Scene, o: int, e: int, lengths: Floats, strains: Floats) -> Any:
+    """Return by how much gaps change along element e at most, m."""
+    return lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
 
 
 @kernel
@@ -312,7 +317,7 @@ def nearest(scene: Scene, shape: Shape) -> list[tuple[float, float, Floats]]:
 def _nearest(scene: Scene, o: int, s: Floats, lengths: Floats, strains: Floats, rotations: Floats,
              positions: Floats) -> tuple[float, float, Floats]:
     x, slope, bend, normal = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(3)
-    offset, last = np.zeros(2), np.empty(3)
+    offset, last = np.zeros(2), 0.0
     smallest, where = np.inf, 0.0
     begin, end = node_range(scene, o, positions.shape[0] - 1)
     for k in range(begin, end + 1):
@@ -320,14 +325,10 @@ def _nearest(scene: Scene, o: int, s: Floats, lengths: Floats, strains: Floats, 
         if gap < smallest:
             smallest, where = gap, s[k]
             normal[:] = slope
-        if k > begin:
-            grows = taper(scene, o, k - 1) / lengths[k - 1]
-            before = inner(last, rotations[k - 1, :, 0]) - grows
-            behind = inner(slope, rotations[k, :, 0]) - grows
-        last[:] = slope
-        if k > begin and before < 0.0 < behind:
-            gap, fraction = closest_point_in_element(scene, o, k - 1, lengths, strains, rotations,
-                                                     positions, slope, bend)
+        between, last = 0.5 * (gap + last), gap
+        if k > begin and between - 0.5 * _reach(scene, o, k - 1, lengths, strains) < smallest:
+            gap, fraction = closest_point_in_element(scene, o, k - 1, 0.0, lengths, strains,
+                                                     rotations, positions, slope, bend)
             if gap < smallest:
                 smallest, where = gap, s[k - 1] + fraction * lengths[k - 1]
                 normal[:] = slope
@@ -349,7 +350,6 @@ def element_rooms(scene: Scene, lengths: Floats, strains: Floats, rotations: Flo
             gap = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
             if k > begin:
                 e = k - 1
-                reach = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
-                rooms[e] = min(rooms[e], 0.5 * (gap + last - reach))
+                rooms[e] = min(rooms[e], 0.5 * (gap + last - _reach(scene, o, e, lengths, strains)))
             last = gap
     return np.maximum(rooms, least)  # type: ignore[no-any-return]
