@@ -21,7 +21,7 @@ from dlo_planner.energy.gap import (
     stretch,
     taper,
 )
-from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, Scene, build_scene, in_plane
+from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, SHEET, Scene, build_scene, in_plane
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.so3 import inner
 from dlo_planner.kernels import kernel
@@ -177,6 +177,9 @@ def _smallest(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
         for e in range(begin, end):
             # no point of an element comes nearer than half its length beyond its nodes' mean
             bound = 0.5 * (gaps[e] + gaps[e + 1] - _reach(scene, o, e, lengths, strains))
+            if scene.kind[o] == SHEET and bound < 2.0 * scene.size[o, 0] - min(
+                    radius_at(scene, o, e, 0.0), radius_at(scene, o, e, 1.0)):
+                bound -= 2.0 * scene.size[o, 0]  # at once, in the other layer's material
             part = _part(heights[e], half, flush)
             if part == _part(heights[e + 1], half, flush) and bound >= out[part]:
                 continue

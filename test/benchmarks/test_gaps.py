@@ -8,7 +8,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.gaps import KINDS, case, least, overstated, steps_in_a_hole
+from benchmarks.gaps import KINDS, case, least, overstated, stated, steps_in_a_hole
 from dlo_planner.model.rod import Surface
 
 
@@ -41,3 +41,10 @@ def test_the_brute_force_knows_a_distance():
     # a case in which brute force and statement agree says little if both are far away
     shape, surface, body = case('hole', 3)
     assert abs(least(shape, surface, body)) < 0.01
+
+
+def test_how_deep_an_axis_is_in_a_thick_sheet_is_known():
+    # one layer's gap falls at once where the other one's material begins
+    off = case('hole', 6636)
+    assert least(*off) < -0.019
+    assert stated('hole', *off) == pytest.approx(least(*off), abs=1e-6)
