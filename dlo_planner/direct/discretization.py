@@ -69,15 +69,18 @@ class ContactPoints(NamedTuple):
         """Return the same points on other nodes: s (n + 1,) instead of `old` (N + 1,), m."""
         if not self.element.size:
             return self
-        inside = self.obstacle >= 0  # anywhere in the element: its middle
-        at = old[self.element] + (np.where(inside, 0.5, self.fraction)
+        inside = self.obstacle >= 0  # anywhere in the element: its middle, if it is not known
+        rolls = inside & (self.fraction < 0.0)
+        at = old[self.element] + (np.where(inside & ~rolls, 0.5, np.abs(self.fraction))
                                   * np.diff(old)[self.element])
         tiny = _SAME_NODE * s[-1]
         element = np.clip(np.searchsorted(s, at - tiny) - 1, 0, s.size - 2)
         fraction = (at - s[element]) / np.diff(s)[element]
         fraction = np.where(np.abs(at - s[element + 1]) < tiny, 1.0, np.clip(fraction, 0.0, 1.0))
-        return self._replace(element=element,  # inside they are fixed, or 0: they roll
-                             fraction=np.where(inside, self.fraction, fraction))
+        begin = -np.clip(fraction, _SAME_NODE, 1.0 - _SAME_NODE)
+        return self._replace(element=element,  # inside they are fixed, or <= 0: they roll
+                             fraction=np.where(rolls, begin, np.where(inside, self.fraction,
+                                                                      fraction)))
 
 
 _NO_INDEX, _NO_NUMBER, NOWHERE = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 3))

@@ -133,8 +133,8 @@ def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, 
         # no point of an element is farther than half its length from one of its nodes
         if moved <= near - 0.5 * lengths[e] * stretch(scene, o, strains[e]) + depth:
             continue
-        gap, fraction = closest_point_in_element(scene, o, e, lengths, strains, rotations, old,
-                                                 normal, hessian)
+        gap, fraction = closest_point_in_element(scene, o, e, 0.0, lengths, strains, rotations,
+                                                 old, normal, hessian)
         deep = max(gap + depth, flush)  # what is deeper inside may only come out
         if moved <= deep:
             continue

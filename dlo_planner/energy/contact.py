@@ -55,7 +55,8 @@ class ContactSet(Record):
     obstacle: Ints
     multiplier: Floats  # (C,) m, or the limit of the friction force, N
     # (C,) of the element, of points that are fixed there: 1 for a node, its end, less for what is
-    # inside; 0 of points that roll along the DLO, where it is nearest
+    # inside; 0 of points that roll along the DLO, where it is nearest; beside a hole, where it may
+    # be so twice, less: minus the fraction that it rolls from to the nearest place beside it
     fraction: Floats
     # (C, 3) where a point of friction sticks, m, relative to the gripper; what is across `normal`
     # counts
@@ -272,7 +273,7 @@ def _rolls(scene, contacts, c, lengths, attached):
     """
     o, e, fraction = contacts.obstacle[c], attached.element[c], attached.fraction[c]
     if contacts.fraction[c] > 0.0 or 0.0 < fraction < 1.0:
-        return contacts.fraction[c] == 0.0
+        return contacts.fraction[c] <= 0.0
     beyond = e + 1 if fraction > 0.0 else e - 1
     if scene.feature[o] != AXIS or not 0 <= beyond < lengths.size:
         return False

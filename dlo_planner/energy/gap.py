@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlo_planner.energy.chords import lowest_of_tangents, sheet_bound
 from dlo_planner.energy.scene import (
     AXIS,
     EDGE,
@@ -287,6 +288,157 @@ def slope_along(scene, o, rotation, strain, offset, normal, hessian):
 
 
 # ------------------------------------------------------------------------------------------------
+# The least gap along an element, whatever minima it has there: by branch and bound.
+#
+# Between two points of an element the DLO is no farther from its chord than w^2/8 times its
+# curvature in a length w, on an exact helix. No distance changes by more than the place does. So
+# what a chord keeps at least (`energy.chords`), less that height, is a lower bound of all gaps
+# between. Where it is not sufficient one point more is looked at. The bound is as good as the
+# square of the length: some ten points are enough, and where an element bends just as the obstacle
+# does the bound need not be as close.
+
+
+_HEAP = 64      # points that wait at a time; each halves what is left at least every second time
+_MOST = 2000    # points of one element: what is then not known is told as the bound
+_CLOSELY = 32   # points, after which twice the slack is left, and so on
+_SLACK = 128.0  # times what is asked for, at most
+_SHARE = 0.02   # of a piece: nearer to its ends it is not cut
+_THIN = 1e-10   # of an element: what is shorter is a point
+
+
+@kernel
+def least_gap(scene, o, e, low, high, below, exact, lengths, strains, rotations, positions):
+    """Return the least gap in m of element e between two fractions, where, and a lower bound.
+
+    No gap between them is less than the gap returned, or than `below` m, by more than 128 `exact`
+    m, as a rule by less than `exact`; where that cannot be told in time the bound is less than the
+    gap.
+    """
+    at, gaps, radii = np.empty(_HEAP), np.empty(_HEAP), np.empty(_HEAP)
+    places, normals = np.empty((_HEAP, 3)), np.empty((_HEAP, 3))
+    sides = np.empty((_HEAP, 2, 3))
+    bend = _bend(scene, o, strains[e])
+    size = lengths[e]
+    slopes = np.empty(2)
+    here, top, looks = 0, 1, 2  # the point at the left, and the next one of those that wait
+    at[0], at[1] = low, high
+    for k in range(2):
+        _look(scene, o, e, k, lengths, strains, rotations, positions, at, gaps, radii, places,
+              normals, sides)
+    best, where = gaps[0], low
+    if gaps[1] < best:
+        best, where = gaps[1], high
+    bound = np.inf
+    while True:
+        width = (at[top] - at[here]) * size
+        _slopes(scene, o, here, top, radii, places, normals, sides, slopes)
+        if scene.kind[o] == SHEET:
+            least = sheet_bound(scene, o, places[here], places[top]) - max(radii[here], radii[top])
+        else:
+            least = lowest_of_tangents(gaps[here], slopes[0], gaps[top], slopes[1])
+        least -= 0.125 * bend * width * width
+        slack = exact * min(2.0 ** (looks // _CLOSELY), _SLACK)
+        done = least >= min(best, below) - slack
+        if not done and (at[top] - at[here] <= _THIN or looks >= _MOST or top + 1 >= _HEAP):
+            bound, done = min(bound, least), True
+        if done:
+            if top == 1:
+                break
+            _take(here, top, at, gaps, radii, places, normals, sides)
+            top -= 1
+            continue
+        share = 0.5
+        if looks % 2 == 0 and slopes[0] < 0.0 < slopes[1]:  # where its slope should be zero
+            share = min(max(slopes[0] / (slopes[0] - slopes[1]), _SHARE), 1.0 - _SHARE)
+        top += 1
+        at[top] = at[here] + share * (at[top - 1] - at[here])
+        _look(scene, o, e, top, lengths, strains, rotations, positions, at, gaps, radii, places,
+              normals, sides)
+        looks += 1
+        if gaps[top] < best:
+            best, where = gaps[top], at[top]
+    return best, where, min(best, bound)
+
+
+@kernel
+def _look(scene, o, e, k, lengths, strains, rotations, positions, at, gaps, radii, places, normals,
+          sides):
+    """Fill in what is known of point k of those of `least_gap`.
+
+    That is gap, radius and, in the world, a place of the section and the normal there; of a face
+    the place of the axis and both directions across, as long as its half sizes.
+    """
+    rotation, x, offset, point = np.empty((3, 3)), np.empty(3), np.zeros(2), np.empty(3)
+    hessian = np.empty((3, 3))
+    point_inside(lengths, strains, rotations, positions, e, at[k], rotation, x)
+    radii[k] = radius_at(scene, o, e, at[k])
+    gaps[k] = gap_at(scene, o, rotation, x, radii[k], offset, point, normals[k], hessian)
+    for i in range(3):
+        if scene.feature[o] >= FACE:
+            places[k, i] = scene.origin[i] + x[i]
+            for side in range(2):
+                sides[k, side, i] = rotation[i, 1 + side] * scene.offset[o, side]
+        else:
+            places[k, i] = point[i]
+
+
+@kernel
+def _take(here, top, at, gaps, radii, places, normals, sides):
+    """Copy what is known of point `top` to point `here`."""
+    at[here], gaps[here], radii[here] = at[top], gaps[top], radii[top]
+    for i in range(3):
+        places[here, i], normals[here, i] = places[top, i], normals[top, i]
+        for side in range(2):
+            sides[here, side, i] = sides[top, side, i]
+
+
+@kernel
+def _slopes(scene, o, here, top, radii, places, normals, sides, slopes):
+    """Fill slopes (2,): of the gap along the chord between two points, per its length, at both.
+
+    A face's point may be anywhere across: of the slopes the one that leaves the least gap.
+    """
+    for end in range(2):
+        k = here if end == 0 else top
+        slope = radii[here] - radii[top]
+        for i in range(3):
+            slope += normals[k, i] * (places[top, i] - places[here, i])
+        if scene.feature[o] >= FACE:
+            turned = 0.0
+            for side in range(2):
+                along = 0.0
+                for i in range(3):
+                    along += normals[k, i] * (sides[top, side, i] - sides[here, side, i])
+                turned += abs(along)
+            slope += turned if end == 1 else -turned
+        slopes[end] = slope
+
+
+@kernel
+def _bend(scene, o, strain):
+    """Return the largest curvature in 1/m of the ways along the DLO that a feature may take."""
+    if scene.feature[o] == AXIS:
+        return np.sqrt(strain[1] ** 2 + strain[2] ** 2)
+    n, b = scene.offset[o, 0], scene.offset[o, 1]
+    bend = _bend_beside(strain, n, b)
+    if scene.feature[o] >= FACE:
+        bend = max(bend, _bend_beside(strain, -n, b), _bend_beside(strain, n, -b),
+                   _bend_beside(strain, -n, -b))
+    return bend
+
+
+@kernel
+def _bend_beside(strain, n, b):
+    """Return |u x w|, by which the motion of a point of the section at (n, b) turns, 1/m."""
+    w0 = 1.0 + strain[1] * b - strain[2] * n
+    w1, w2 = -strain[0] * b, strain[0] * n
+    t0 = strain[1] * w2 - strain[2] * w1
+    t1 = strain[2] * w0 - strain[0] * w2
+    t2 = strain[0] * w1 - strain[1] * w0
+    return np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
+
+
+# ------------------------------------------------------------------------------------------------
 # The point of a DLO that is nearest to an obstacle: inside one element, or wherever it rolls to.
 #
 # The curve and its tangent are continuous, so the nearest point passes from an element to the next
@@ -296,6 +448,9 @@ def slope_along(scene, o, rotation, strain, offset, normal, hessian):
 
 _END = 1e-12    # of an element: nearer to its end a point is the end
 _LEAST = 1e-15  # the same: a step that is no step any more
+_CLOSE = 1e-8   # of an element: a minimum that is less by no more is the same
+_APART = 1e-6   # the same: two minima that are no farther apart are one
+_ENTERED = 1e-6  # the same: where a point begins to roll that comes in through a node
 
 
 @kernel
@@ -305,9 +460,9 @@ def closest_point(scene, contacts, c, lengths, strains, rotations, positions, no
     Fills normal (3,) and hessian (3, 3) of the distance there.
     """
     o, e, fraction = contacts.obstacle[c], contacts.element[c], contacts.fraction[c]
-    if fraction == 0.0:
-        return follow_closest_point(scene, o, e, lengths, strains, rotations, positions, normal,
-                                    hessian)
+    if fraction <= 0.0:
+        return follow_closest_point(scene, o, e, -fraction, lengths, strains, rotations, positions,
+                                    normal, hessian)
     gap = gap_inside(scene, o, e, fraction, lengths, strains, rotations, positions, normal, hessian)
     return gap, e, fraction
 
@@ -322,21 +477,26 @@ def gap_inside(scene, o, e, fraction, lengths, strains, rotations, positions, no
 
 
 @kernel
-def follow_closest_point(scene, o, e, lengths, strains, rotations, positions, normal, hessian):
+def follow_closest_point(scene, o, e, begin, lengths, strains, rotations, positions, normal,
+                         hessian):
     """Return gap, element and fraction of the point that is nearest to obstacle o, from element e.
 
     Where the distance still falls at an end of the element, it is followed into the next ones, to
-    its first minimum. Fills normal (3,) and hessian (3, 3) of the distance there.
+    its first minimum. `begin`: see `closest_point_in_element`. Fills normal (3,) and hessian (3, 3)
+    of the distance there.
     """
-    gap, fraction = closest_point_in_element(scene, o, e, lengths, strains, rotations, positions,
-                                             normal, hessian)
+    gap, fraction = closest_point_in_element(scene, o, e, begin, lengths, strains, rotations,
+                                             positions, normal, hessian)
     if scene.feature[o] == NODE_FACE or 0.0 < fraction < 1.0:
         return gap, e, fraction
     step = -1 if fraction == 0.0 else 1
-    begin, end = node_range(scene, o, lengths.size)
-    while begin <= e + step < end and fraction == max(step, 0):
-        its_gap, its_fraction = closest_point_in_element(scene, o, e + step, lengths, strains,
-                                                         rotations, positions, normal, hessian)
+    first, last = node_range(scene, o, lengths.size)
+    while first <= e + step < last and fraction == max(step, 0):
+        if begin > 0.0:  # it is followed to the minimum that is next, wherever the least one is
+            begin = _ENTERED if step > 0 else 1.0 - _ENTERED
+        its_gap, its_fraction = closest_point_in_element(scene, o, e + step, begin, lengths,
+                                                         strains, rotations, positions, normal,
+                                                         hessian)
         if its_fraction == max(-step, 0):  # it rises again: the minimum is the node between
             break
         e, gap, fraction = e + step, its_gap, its_fraction
@@ -344,8 +504,82 @@ def follow_closest_point(scene, o, e, lengths, strains, rotations, positions, no
 
 
 @kernel
-def closest_point_in_element(scene, o, e, lengths, strains, rotations, positions, normal, hessian):
+def closest_point_in_element(scene, o, e, begin, lengths, strains, rotations, positions, normal,
+                             hessian):
     """Return gap and fraction of the point of element e that is nearest to obstacle o.
+
+    Where the gap may have several minima, beside a hole, it is the one next to the fraction `begin`
+    of the element or, if that is 0, the least of all. Fills normal (3,) and hessian (3, 3) of the
+    distance there.
+    """
+    gap, fraction = _minimum_from(scene, o, e, begin if begin > 0.0 else 0.5, lengths, strains,
+                                  rotations, positions, normal, hessian)
+    if begin > 0.0 or scene.kind[o] != SHEET or scene.feature[o] == NODE_FACE:
+        return gap, fraction
+    close = _CLOSE * lengths[e]
+    least, where, _ = least_gap(scene, o, e, 0.0, 1.0, gap, close, lengths, strains, rotations,
+                                positions)
+    if least < gap - close:
+        gap, fraction = _minimum_from(scene, o, e, where, lengths, strains, rotations, positions,
+                                      normal, hessian)
+    return gap, fraction
+
+
+@kernel
+def minima_in_element(scene, o, e, lengths, strains, rotations, positions, gaps, fractions):
+    """Fill gaps (2,), m, and fractions (2,) of the minima inside element e; return how many.
+
+    Beside a hole of a sheet there may be one before and one behind the place where the element is
+    nearest to the hole's axis: to both sides of it a straight line has no more than one. Minima at
+    the ends of an element are not counted. Beside a convex body there is one if any: a second one
+    would need an element that bends away from two edges, and that is less deep than it bends there.
+    """
+    normal, hessian = np.empty(3), np.empty((3, 3))
+    count, middle, where, close = 0, 1.0, 0.5, _CLOSE * lengths[e]
+    if scene.kind[o] == SHEET:
+        middle = _nearest_to_axis(scene, o, e, positions)
+    for part in range(2 if middle < 1.0 else 1):
+        if scene.kind[o] == SHEET:
+            low, high = (0.0, min(middle, 1.0)) if part == 0 else (middle, 1.0)
+            _, where, _ = least_gap(scene, o, e, low, high, np.inf, close, lengths, strains,
+                                    rotations, positions)
+        gap, fraction = _minimum_from(scene, o, e, where, lengths, strains, rotations, positions,
+                                      normal, hessian)
+        if 0.0 < fraction < 1.0 and (count == 0 or fraction - fractions[0] > _APART):
+            gaps[count], fractions[count] = gap, fraction
+            count += 1
+    return count
+
+
+@kernel
+def _nearest_to_axis(scene, o, e, positions):
+    """Return the fraction of an element's chord that is nearest to the axis of a hole; 1: no such.
+
+    Of several holes the one that its middle is nearest to.
+    """
+    way, away, nearest, fraction = np.empty(2), np.empty(2), np.inf, 1.0
+    for hole in range(scene.hole_of.size):
+        if scene.hole_of[hole] != o:
+            continue
+        size = along = square = 0.0
+        for i in range(2):
+            way[i] = away[i] = 0.0
+            for j in range(3):
+                way[i] += scene.axes[o, j, 1 + i] * (positions[e + 1, j] - positions[e, j])
+                away[i] += scene.axes[o, j, 1 + i] * (scene.center[o, j] - scene.origin[j]
+                                                      - positions[e, j])
+            away[i] += scene.hole_center[hole, i]
+            size += way[i] * way[i]
+            along += way[i] * away[i]
+            square += (away[i] - 0.5 * way[i]) ** 2
+        if square < nearest and size > 0.0:
+            nearest, fraction = square, along / size
+    return fraction if fraction > 0.0 else 1.0
+
+
+@kernel
+def _minimum_from(scene, o, e, begin, lengths, strains, rotations, positions, normal, hessian):
+    """Return gap and fraction of a minimum of the gap along element e, near the fraction `begin`.
 
     Fills normal (3,) and hessian (3, 3) of the distance there. A safeguarded Newton iteration for
     the zero of dg/ds; the nearest end of the element if there is none inside.
@@ -353,7 +587,7 @@ def closest_point_in_element(scene, o, e, lengths, strains, rotations, positions
     rotation, x = np.empty((3, 3)), np.empty(3)
     offset, point = np.zeros(2), np.empty(3)
     axial, grows = scene.feature[o] == AXIS, taper(scene, o, e) / lengths[e]
-    low, high, fraction, last = 0.0, 1.0, 0.5, 1.0
+    low, high, fraction, last = 0.0, 1.0, begin, 1.0
     if scene.feature[o] == NODE_FACE:
         low = fraction = 1.0
     for iteration in range(60):
@@ -432,7 +666,7 @@ def penetration(scene: Scene, lengths: Floats, strains: Floats, rotations: Float
             # no point of an element is farther than half its length from one of its nodes
             if k > begin and scene.feature[o] != NODE_FACE and (
                     min(gap, last) - 0.5 * lengths[e] * stretch(scene, o, strains[e]) < -deepest):
-                inside, _ = closest_point_in_element(scene, o, e, lengths, strains, rotations,
+                inside, _ = closest_point_in_element(scene, o, e, 0.0, lengths, strains, rotations,
                                                      positions, normal, hessian)
                 deepest = max(deepest, -inside)
             last = gap

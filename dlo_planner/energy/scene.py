@@ -383,8 +383,8 @@ def _from_sheet(scene, o, p, normal, hessian):
     a, turn = in_plane(scene, o, p[1], p[2], slope)
     if a <= 0.0 and abs(p[0] + half) <= 2.0 * half:
         whole = np.array([p[0] + half, p[1], p[2]])
-        return _from_faces(whole, 2.0 * half, a, turn, slope, normal, hessian)
-    return _from_faces(p, half, a, turn, slope, normal, hessian)
+        return from_faces(whole, 2.0 * half, a, turn, slope, normal, hessian)
+    return from_faces(p, half, a, turn, slope, normal, hessian)
 
 
 @kernel
@@ -398,11 +398,11 @@ def _from_cylinder(p, half, radius, normal, hessian):
     else:
         turn = 1.0 / rho
         slope[0], slope[1] = p[1] * turn, p[2] * turn
-    return _from_faces(p, half, rho - radius, turn, slope, normal, hessian)
+    return from_faces(p, half, rho - radius, turn, slope, normal, hessian)
 
 
 @kernel
-def _from_faces(p, half, a, turn, slope, normal, hessian):
+def from_faces(p, half, a, turn, slope, normal, hessian):
     """Distance from what lies between two faces `half` above and below: in the plane (a), both."""
     side = 1.0 if p[0] >= 0 else -1.0
     b = abs(p[0]) - half
@@ -441,7 +441,7 @@ def in_plane(scene, o, y, z, slope):
 
     Fills slope (2,), the gradient; also returns the curvature of that distance, 1/m.
     """
-    a, turn = _from_rectangle(y, z, scene.size[o, 1], scene.size[o, 2], slope)
+    a, turn = from_rectangle(y, z, scene.size[o, 1], scene.size[o, 2], slope)
     other = np.empty(2)
     for hole in range(scene.hole_of.size):
         if scene.hole_of[hole] != o:
@@ -456,7 +456,7 @@ def in_plane(scene, o, y, z, slope):
                 slope[0], slope[1] = -away_y / rho, -away_z / rho
         else:
             c, s = scene.hole_axis[hole, 0], scene.hole_axis[hole, 1]
-            outside, curved = _from_rectangle(c * away_y + s * away_z, c * away_z - s * away_y,
+            outside, curved = from_rectangle(c * away_y + s * away_z, c * away_z - s * away_y,
                                               scene.hole_size[hole, 0], scene.hole_size[hole, 1],
                                               other)
             if -outside > a:
@@ -466,7 +466,8 @@ def in_plane(scene, o, y, z, slope):
 
 
 @kernel
-def _from_rectangle(y, z, half_y, half_z, slope):
+def from_rectangle(y, z, half_y, half_z, slope):
+    """Return the signed distance of (y, z) from a rectangle and its curvature; fill its slope."""
     b, c = abs(y) - half_y, abs(z) - half_z
     sign_y = 1.0 if y >= 0 else -1.0
     sign_z = 1.0 if z >= 0 else -1.0

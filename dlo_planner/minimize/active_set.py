@@ -17,16 +17,15 @@ import numpy as np
 
 from dlo_planner.energy.gap import (
     closest_point,
-    closest_point_in_element,
     follow_closest_point,
     gap_at,
     gap_inside,
     is_face,
     longest_stretch,
+    minima_in_element,
     next_touching,
     node_gap,
     node_range,
-    radius_at,
     sliding,
     slope_along,
     taper,
@@ -43,7 +42,7 @@ _SNUG = 0.3     # rad: an element whose slope against an obstacle changes by mor
 _DEEP = 0.02    # of an element: a node that is deeper inside is on its way out
 _LEVEL = 1e-12  # the same, by rounding errors alone
 _NEXT = 0.2      # of an element: least share of its ends in a force
-_AT_NODE = 2e-3  # of an element: a point nearer to its end has come to the node
+AT_NODE = 2e-3  # of an element: a point nearer to its end, or to another point, has come there
 _NEARBY = 5     # elements: a DLO that bears within so many as well lies along the obstacle
 _END = 5        # elements of a series, at its free end, that may be kept flat
 _SHARP = 8.0    # times the sag: how much a gap bends along an element that is not flat
@@ -65,27 +64,24 @@ def update_active_set(system, state):
     news = False
     taken = np.zeros(old.element.size, dtype=np.bool_)
     for c in range(count):
-        best = -1
-        for b in range(old.element.size):
-            if (old.obstacle[b] == inside[c, 1] and not taken[b]
-                    and abs(at[b] - inside[c, 0]) <= 1
-                    and (best < 0 or at[b] == inside[c, 0])):
-                best = b
+        best = _former(old, at, places, taken, inside[c, 0], inside[c, 1], fixed[c])
         if best >= 0:
             taken[best] = True
             multiplier[c] = old.multiplier[best]
-        for b in range(old.element.size if fixed[c] == 0.0 else 0):  # have they met?
+        for b in range(old.element.size if fixed[c] <= 0.0 else 0):  # have they met?
             if (old.obstacle[b] == inside[c, 1] and not taken[b] and at[b] == inside[c, 0]
-                    and old.fraction[b] == 0.0):
+                    and old.fraction[b] <= 0.0
+                    and (fixed[c] == 0.0 or abs(places[b] - at[b] + fixed[c]) < AT_NODE)):
                 taken[b] = True
                 multiplier[c] += old.multiplier[b]
         news = news or best < 0 or at[best] != inside[c, 0]
         if fixed[c] > 0.0:
-            if best >= 0 and old.fraction[best] == 0.0:
+            if best >= 0 and old.fraction[best] <= 0.0:
                 multiplier[c] = _spread(old.node[inside[c, 1]], inside[c, 0],
                                         places[best] - inside[c, 0], multiplier[c])
         else:
-            multiplier[c] += _taken_from_nodes(system, inside[c, 0], inside[c, 1])
+            multiplier[c] += _taken_from_nodes(
+                system, inside[c, 0], inside[c, 1], _follows(inside, c), _follows(inside, c + 1))
     for b in range(old.element.size):
         if old.obstacle[b] >= 0 and not taken[b]:
             _hand_over(system, state, b)
@@ -98,6 +94,28 @@ def update_active_set(system, state):
         np.concatenate((fixed, old.fraction[rubs])),
         np.concatenate((nothing, old.anchor[rubs])), np.concatenate((nothing, old.normal[rubs])),
         np.concatenate((nothing, old.shear[rubs]))), news
+
+
+@kernel
+def _former(old, at, places, taken, e, o, fixed):
+    """Return which of the old points goes on as the one in element e on obstacle o, or -1.
+
+    Of several that it may be one in the same element; beside a hole the nearest one.
+    """
+    best = -1
+    for b in range(old.element.size):
+        if (old.obstacle[b] == o and not taken[b] and abs(at[b] - e) <= 1
+                and (best < 0 or fixed >= 0.0 and at[b] == e or fixed < 0.0
+                     and abs(places[b] - e + fixed) < abs(places[best] - e + fixed))):
+            best = b
+    return best
+
+
+@kernel
+def _follows(inside, c):
+    """Whether candidate c is in the same element and on the same obstacle as the one before."""
+    return (0 < c < inside.shape[0] and inside[c - 1, 0] == inside[c, 0]
+            and inside[c - 1, 1] == inside[c, 1])
 
 
 @kernel
@@ -126,12 +144,13 @@ def free_to_roll(system, state, old):
                 multiplier[c] += max(node[o, e], 0.0) + max(node[o, e + 1], 0.0)
                 node[o, e] = node[o, e + 1] = 0.0
         for b in range(c):
-            if (kept[c] and kept[b] and fraction[c] == 0.0 and fraction[b] == 0.0
-                    and old.obstacle[b] == o and at[b] == at[c]):
+            if (kept[c] and kept[b] and fraction[c] <= 0.0 and fraction[b] <= 0.0
+                    and old.obstacle[b] == o and at[b] == at[c]
+                    and abs(places[b] - places[c]) < AT_NODE):
                 kept[c] = False
                 multiplier[b] += multiplier[c]
         k = at[c] + (places[c] - at[c] > 0.5)  # a node alone would not roll
-        if (kept[c] and fraction[c] == 0.0 and 0 < k < last and abs(places[c] - k) < _AT_NODE
+        if (kept[c] and fraction[c] <= 0.0 and 0 < k < last and abs(places[c] - k) < AT_NODE
                 and system.effects.contact.scene.feature[o] == AXIS):
             multiplier[c] += max(node[o, k], 0.0)
             node[o, k] = 0.0
@@ -141,17 +160,19 @@ def free_to_roll(system, state, old):
 
 
 @kernel
-def _taken_from_nodes(system, e, o):
+def _taken_from_nodes(system, e, o, follows, leads):
     """Return the multipliers of both nodes of element e, N, which are zero from now on.
 
     They are farther from the obstacle than the point between them. As contacts of their own they
-    would share its force in a way that nothing decides, where it is hardly beside one of them.
+    would share its force in a way that nothing decides, where it is hardly beside one of them. Of
+    two points in the element the first one has the first node, which the other one `follows`.
     """
-    if system.effects.contact.scene.feature[o] == NODE_FACE:
-        return 0.0
-    node = system.effects.contact.contacts.node[o]
-    taken = node[e] + node[e + 1]
-    node[e] = node[e + 1] = 0.0
+    taken = 0.0
+    if system.effects.contact.scene.feature[o] != NODE_FACE:
+        node = system.effects.contact.contacts.node[o]
+        for k in range(e + follows, e + 2 - leads):
+            taken += node[k]
+            node[k] = 0.0
     return taken
 
 
@@ -182,7 +203,7 @@ def _spread(node, e, fraction, force):
 def contact_candidates(system, state, places):
     """Return (C, 2) element and obstacle where the DLO may touch inside an element, and fractions.
 
-    A fraction (C,) is 0 where the point rolls.
+    A fraction (C,) is 0 where the point rolls, or less: it rolls from there.
 
     Where a DLO lies along an obstacle, with a row of nodes that bear, its nearly flat elements
     bear at their nodes. A contact by itself is a point that rolls along the DLO, flat or not:
@@ -194,8 +215,9 @@ def contact_candidates(system, state, places):
     n, pushed = system.lengths.size, system.effects.contact.contacts.node
     sag, level = _SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
     longest, alone = np.max(system.lengths), system.basis.shape[1] == 0
-    points = np.empty((n * scene.kind.size, 2), dtype=np.int64)
-    fixed, hugs = np.zeros(n * scene.kind.size), np.zeros(n, dtype=np.bool_)
+    points = np.empty((2 * n * scene.kind.size, 2), dtype=np.int64)
+    fixed, hugs = np.zeros(2 * n * scene.kind.size), np.zeros(n, dtype=np.bool_)
+    lowest, where = np.empty(2), np.empty(2)
     count = 0
     x, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
     rotation, offset, point = np.empty((3, 3)), np.zeros(2), np.empty(3)
@@ -230,45 +252,33 @@ def contact_candidates(system, state, places):
             if (hugs[e] or e > 0 and hugs[e - 1] and _presses(system, o, e, gaps)
                     or e + 1 < n and hugs[e + 1] and _presses(system, o, e + 1, gaps)):
                 continue
+            beside_hole = scene.kind[o] == SHEET
             grows = taper(scene, o, e) / system.lengths[e]
-            if ((_slope(state.rotations[e], state.strains[e], offsets[e], normals[e]) >= grows
-                 or _slope(state.rotations[e + 1], state.strains[e], offsets[e + 1],
-                           normals[e + 1]) <= grows)
-                    and not _narrows(system, state, o, e, near - sag)):
-                continue
-            gap, fraction = closest_point_in_element(scene, o, e, system.lengths, state.strains,
-                                                     state.rotations, state.positions, normal,
-                                                     hessian)
-            if gap >= 0.5 * system.lengths[e]:
-                continue
-            point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
-                         fraction, rotation, x)
-            gap_at(scene, o, rotation, x, 0.0, offset, point, normal, hessian)
-            if scene.feature[o] == FACE and not _rounds(scene, o, sag, rotation, x):
-                continue
-            _, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal, hessian)
-            sharp = curve * system.lengths[e] ** 2 > _SHARP * sag or gap < near - sag
-            if sharp or gap < near - level and not _lies(pushed[o], gaps, e):
-                points[count, 0], points[count, 1] = e, o
-                count += 1
+            if (not beside_hole
+                    and (_slope(state.rotations[e], state.strains[e], offsets[e],
+                                normals[e]) >= grows
+                         or _slope(state.rotations[e + 1], state.strains[e], offsets[e + 1],
+                                   normals[e + 1]) <= grows)):
+                continue  # a convex body is nearest at a node
+            minima = minima_in_element(scene, o, e, system.lengths, state.strains, state.rotations,
+                                       state.positions, lowest, where)
+            for k in range(minima):
+                gap, fraction = lowest[k], where[k]
+                if gap >= 0.5 * system.lengths[e]:
+                    continue
+                point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
+                             fraction, rotation, x)
+                gap_at(scene, o, rotation, x, 0.0, offset, point, normal, hessian)
+                if scene.feature[o] == FACE and not _rounds(scene, o, sag, rotation, x):
+                    continue
+                _, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal,
+                                       hessian)
+                sharp = curve * system.lengths[e] ** 2 > _SHARP * sag or gap < near - sag
+                if sharp or gap < near - level and not _lies(pushed[o], gaps, e):
+                    points[count, 0], points[count, 1] = e, o
+                    fixed[count] = -fraction if beside_hole else 0.0
+                    count += 1
     return points[:count], fixed[:count]
-
-
-@kernel
-def _narrows(system, state, o, e, near):
-    """Whether the middle of element e is nearer to a sheet than `near`, m.
-
-    In a cut-out that is narrower than the element the gap falls and rises more than once.
-    """
-    scene = system.effects.contact.scene
-    if scene.kind[o] != SHEET:
-        return False
-    rotation, x, offset, point = np.empty((3, 3)), np.empty(3), np.zeros(2), np.empty(3)
-    normal, hessian = np.empty(3), np.empty((3, 3))
-    point_inside(system.lengths, state.strains, state.rotations, state.positions, e, _MIDDLE,
-                 rotation, x)
-    return gap_at(scene, o, rotation, x, radius_at(scene, o, e, _MIDDLE), offset, point, normal,
-                  hessian) < near
 
 
 @kernel
@@ -285,12 +295,12 @@ def _hand_over(system, state, c):
                                     np.empty((3, 3)))
     spreads = contacts.fraction[c] > 0.0
     if spreads:
-        _, e, fraction = follow_closest_point(scene, o, e, system.lengths, state.strains,
+        _, e, fraction = follow_closest_point(scene, o, e, 0.0, system.lengths, state.strains,
                                               state.rotations, state.positions, normal, hessian)
     if node[e] > 0.0 and node[e + 1] > 0.0 or spreads and e > 0:
         node[e] += (1.0 - fraction) * force
         node[e + 1] += fraction * force
-    elif not is_face(scene, o) and not _AT_NODE < fraction < 1.0 - _AT_NODE:
+    elif not is_face(scene, o) and not AT_NODE < fraction < 1.0 - AT_NODE:
         k, offset, x = max(1, e + (fraction > 0.5)), np.zeros(2), np.empty(3)
         gap = node_gap(scene, o, k, state.rotations, state.positions, offset, x, normal, hessian)
         if gap < 0.0:
@@ -362,7 +372,7 @@ def _hugs_at(system, state, o, e, gaps, places):
     if old < 0:
         return middle < -sag and system.basis.shape[1] == 0
     bears = contacts.multiplier[old] > contacts.stiffness * middle
-    if contacts.fraction[old] == 0.0 or not (first or second):
+    if contacts.fraction[old] <= 0.0 or not (first or second):
         return bears and curved < _EVEN * sag
     return bears and (first and second or curved <= _LEAVES * sag)
 
@@ -389,9 +399,9 @@ def enlarge_active_set(system, state):
     for p in range(inside.shape[0]):
         e, o = inside[p]
         joins[p] = (_candidate_gap(system, state, o, e, fixed[p]) < -_SAG * np.sum(system.lengths)
-                    and not _is_known(old, at, e, o, fixed[p] > 0.0))
+                    and not _is_known(old, at, places, e, o, fixed[p]))
         for c in range(old.element.size if joins[p] and fixed[p] > 0.0 else 0):
-            if kept[c] and old.obstacle[c] == o and at[c] == e and old.fraction[c] == 0.0:
+            if kept[c] and old.obstacle[c] == o and at[c] == e and old.fraction[c] <= 0.0:
                 kept[c] = False
                 force[p] += old.multiplier[c]
     none = np.zeros((np.sum(joins), 3))
@@ -411,15 +421,17 @@ def _candidate_gap(system, state, o, e, fixed):
     if fixed > 0.0:
         return gap_inside(scene, o, e, _MIDDLE, system.lengths, state.strains, state.rotations,
                           state.positions, normal, hessian)
-    gap, _, _ = follow_closest_point(scene, o, e, system.lengths, state.strains, state.rotations,
-                                     state.positions, normal, hessian)
+    gap, _, _ = follow_closest_point(scene, o, e, -fixed, system.lengths, state.strains,
+                                     state.rotations, state.positions, normal, hessian)
     return gap
 
 
 @kernel
-def _is_known(contacts, at, e, o, fixed):
-    """Whether such a point on obstacle o is in element e by now; at: (C,) where they are."""
+def _is_known(contacts, at, places, e, o, fixed):
+    """Whether such a point on obstacle o is in element e by now; at, places: of `rolled_to`."""
     for c in range(at.size):
-        if contacts.obstacle[c] == o and at[c] == e and (contacts.fraction[c] > 0.0) == fixed:
+        if (contacts.obstacle[c] == o and at[c] == e
+                and (contacts.fraction[c] > 0.0) == (fixed > 0.0)
+                and (fixed >= 0.0 or abs(places[c] - e + fixed) < AT_NODE)):
             return True
     return False

@@ -26,7 +26,12 @@ from dlo_planner.geometry.record import copy
 from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.kernels.interruption import interrupted
-from dlo_planner.minimize.active_set import enlarge_active_set, free_to_roll, update_active_set
+from dlo_planner.minimize.active_set import (
+    AT_NODE,
+    enlarge_active_set,
+    free_to_roll,
+    update_active_set,
+)
 from dlo_planner.minimize.contact_table import (
     kkt_residual,
     touching,
@@ -323,8 +328,9 @@ def _met(contacts, attached):
     for c in range(contacts.element.size):
         for b in range(c):
             if (contacts.obstacle[c] >= 0 and contacts.obstacle[c] == contacts.obstacle[b]
-                    and contacts.fraction[c] == 0.0 and contacts.fraction[b] == 0.0
-                    and attached.element[c] == attached.element[b]):
+                    and contacts.fraction[c] <= 0.0 and contacts.fraction[b] <= 0.0
+                    and attached.element[c] == attached.element[b]
+                    and abs(attached.fraction[c] - attached.fraction[b]) < AT_NODE):
                 return True
     return False
 

@@ -101,12 +101,17 @@ def _fill_arm(rotation, offset, arm):
 
 @kernel
 def _friction_of(contacts, o, e, fraction):
-    """Return the index of the point of friction of a contact, -1 if it has none."""
+    """Return the index of the point of friction of a contact, -1 if it has none.
+
+    Beside a hole the nearest of two in the element.
+    """
+    best, nearest = -1, np.inf
     for c in range(contacts.element.size):
+        away = abs(contacts.fraction[c] - fraction)
         if (contacts.obstacle[c] == -1 - o and contacts.element[c] == e
-                and (contacts.fraction[c] == 1.0) == (fraction == 1.0)):
-            return c
-    return -1
+                and (contacts.fraction[c] == 1.0) == (fraction == 1.0) and away < nearest):
+            best, nearest = c, away
+    return best
 
 
 @kernel

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.energy.gap import (
     closest_point_in_element,
-    gap_at,
+    least_gap,
     node_gap,
     node_range,
     radius_at,
@@ -21,7 +21,7 @@ from dlo_planner.energy.gap import (
     stretch,
     taper,
 )
-from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, Scene, build_scene, in_plane
+from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, SHEET, Scene, build_scene, in_plane
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.so3 import inner
 from dlo_planner.kernels import kernel
@@ -35,9 +35,7 @@ _WIDE = 100.0    # times the length: a sheet without an end
 _FLUSH = 1e-9    # of the length: a node that near to a plane is in it
 _SECANTS = 60
 _EXACT = 1e-15   # of an element's height: how exactly it is cut at a plane
-_PIECES = 8      # samples of an element, to tell where its smallest gap is
-_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
-_NARROW = 1e-7   # of an element: its smallest gap is known to the square of it
+_KNOWN = 1e-9    # of the length: how exactly the smallest gap is known, 128 times that at worst
 SheetSide: TypeAlias = tuple[Sheet, Floats]      # and the normal (3,) from before it to behind it
 
 
@@ -163,7 +161,7 @@ def _smallest(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
     nodes = positions.shape[0]
     frame, x, offset = np.empty((3, 3)), np.empty(3), np.zeros(2)
     slope, bend = np.empty(3), np.empty((3, 3))
-    flush = _FLUSH * np.sum(lengths)
+    flush, exact = _FLUSH * np.sum(lengths), _KNOWN * np.sum(lengths)
     gaps, heights, cuts = np.empty(nodes), np.empty(nodes), np.empty(4)
     out = np.full(4, np.inf)
     for o in range(scene.kind.size):
@@ -178,8 +176,10 @@ def _smallest(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
             out[part] = min(out[part], gaps[k])
         for e in range(begin, end):
             # no point of an element comes nearer than half its length beyond its nodes' mean
-            reach = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
-            bound = 0.5 * (gaps[e] + gaps[e + 1] - reach)
+            bound = 0.5 * (gaps[e] + gaps[e + 1] - _reach(scene, o, e, lengths, strains))
+            if scene.kind[o] == SHEET and bound < 2.0 * scene.size[o, 0] - min(
+                    radius_at(scene, o, e, 0.0), radius_at(scene, o, e, 1.0)):
+                bound -= 2.0 * scene.size[o, 0]  # at once, in the other layer's material
             part = _part(heights[e], half, flush)
             if part == _part(heights[e + 1], half, flush) and bound >= out[part]:
                 continue
@@ -197,8 +197,8 @@ def _smallest(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
                        0.5 * (cuts[piece] + cuts[piece + 1]), frame, x)
                 part = _part(inner(normal, x), half, flush)
                 if bound < out[part]:
-                    gap = _lowest(scene, o, lengths, strains, rotations, positions, e,
-                                  cuts[piece], cuts[piece + 1], frame, x)
+                    _, _, gap = least_gap(scene, o, e, cuts[piece], cuts[piece + 1], out[part],
+                                          exact, lengths, strains, rotations, positions)
                     out[part] = min(out[part], gap)
         if half < np.inf:
             gap, height = _at_the_rim(scene, o, lengths, strains, rotations, positions, heights,
@@ -210,6 +210,12 @@ def _smallest(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
                     out[part] = min(out[part], gap)
     out[3] = np.min(out[:3])
     return out
+
+
+@kernel
+def _reach(scene: Scene, o: int, e: int, lengths: Floats, strains: Floats) -> Any:
+    """Return by how much gaps change along element e at most, m."""
+    return lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
 
 
 @kernel
@@ -236,51 +242,6 @@ def _part(height: float, half: float, flush: float) -> int:
     if abs(height) <= half + flush:
         return 0
     return 1 if height < 0.0 else 2
-
-
-@kernel
-def _gap(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: Floats,
-         positions: Floats, e: int, fraction: float, frame: Floats, x: Floats) -> Any:
-    """Return the gap in m to the body `o` at a fraction of element e."""
-    point_inside(lengths, strains, rotations, positions, e, fraction, frame, x)
-    return gap_at(scene, o, frame, x, radius_at(scene, o, e, fraction), np.zeros(2), np.empty(3),
-                  np.empty(3), np.empty((3, 3)))
-
-
-@kernel
-def _lowest(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: Floats,
-            positions: Floats, e: int, low: float, high: float, frame: Floats, x: Floats) -> Any:
-    """Return the smallest gap of element e between two fractions of it: golden sections.
-
-    They begin beside the smallest of some samples. Slopes are not asked for: they are undefined
-    where a DLO crosses the axis of a hole, as most do.
-    """
-    width, begin, end = (high - low) / _PIECES, low, high
-    best, smallest = low, np.inf
-    for k in range(_PIECES + 1):
-        gap = _gap(scene, o, lengths, strains, rotations, positions, e, low + k * width, frame, x)
-        if gap < smallest:
-            best, smallest = low + k * width, gap
-    low, high = max(begin, best - width), min(end, best + width)
-    if best in (low, high):
-        inside = best + _NARROW if low == best else best - _NARROW
-        if _gap(scene, o, lengths, strains, rotations, positions, e, inside, frame,
-                x) >= smallest:
-            return smallest  # it grows from this end on
-    one, other = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-    gap_one = _gap(scene, o, lengths, strains, rotations, positions, e, one, frame, x)
-    gap_other = _gap(scene, o, lengths, strains, rotations, positions, e, other, frame, x)
-    while high - low > _NARROW:
-        smallest = min(smallest, gap_one, gap_other)
-        if gap_one < gap_other:
-            high, other, gap_other = other, one, gap_one
-            one = high - _GOLDEN * (high - low)
-            gap_one = _gap(scene, o, lengths, strains, rotations, positions, e, one, frame, x)
-        else:
-            low, one, gap_one = one, other, gap_other
-            other = low + _GOLDEN * (high - low)
-            gap_other = _gap(scene, o, lengths, strains, rotations, positions, e, other, frame, x)
-    return min(smallest, gap_one, gap_other)
 
 
 @kernel
@@ -359,7 +320,7 @@ def nearest(scene: Scene, shape: Shape) -> list[tuple[float, float, Floats]]:
 def _nearest(scene: Scene, o: int, s: Floats, lengths: Floats, strains: Floats, rotations: Floats,
              positions: Floats) -> tuple[float, float, Floats]:
     x, slope, bend, normal = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(3)
-    offset, last = np.zeros(2), np.empty(3)
+    offset, last = np.zeros(2), 0.0
     smallest, where = np.inf, 0.0
     begin, end = node_range(scene, o, positions.shape[0] - 1)
     for k in range(begin, end + 1):
@@ -367,14 +328,10 @@ def _nearest(scene: Scene, o: int, s: Floats, lengths: Floats, strains: Floats, 
         if gap < smallest:
             smallest, where = gap, s[k]
             normal[:] = slope
-        if k > begin:
-            grows = taper(scene, o, k - 1) / lengths[k - 1]
-            before = inner(last, rotations[k - 1, :, 0]) - grows
-            behind = inner(slope, rotations[k, :, 0]) - grows
-        last[:] = slope
-        if k > begin and before < 0.0 < behind:
-            gap, fraction = closest_point_in_element(scene, o, k - 1, lengths, strains, rotations,
-                                                     positions, slope, bend)
+        between, last = 0.5 * (gap + last), gap
+        if k > begin and between - 0.5 * _reach(scene, o, k - 1, lengths, strains) < smallest:
+            gap, fraction = closest_point_in_element(scene, o, k - 1, 0.0, lengths, strains,
+                                                     rotations, positions, slope, bend)
             if gap < smallest:
                 smallest, where = gap, s[k - 1] + fraction * lengths[k - 1]
                 normal[:] = slope
@@ -396,7 +353,6 @@ def element_rooms(scene: Scene, lengths: Floats, strains: Floats, rotations: Flo
             gap = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
             if k > begin:
                 e = k - 1
-                reach = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
-                rooms[e] = min(rooms[e], 0.5 * (gap + last - reach))
+                rooms[e] = min(rooms[e], 0.5 * (gap + last - _reach(scene, o, e, lengths, strains)))
             last = gap
     return np.maximum(rooms, least)  # type: ignore[no-any-return]
