@@ -71,7 +71,8 @@ def main(arguments=None):
     parser.add_argument('--output', type=Path, default=_DOCS)
     parser.add_argument('--budget', type=float, default=2.0, help='s for a row')
     parser.add_argument('--rows', default='', help='only rows whose names contain this')
-    parser.add_argument('--store', action='store_true', help='keep the ratios for `check`, the counts for `counts`')
+    parser.add_argument('--store', action='store_true',
+                        help='keep the ratios for `check`, the counts for `counts`')
     given = parser.parse_args(arguments)
     started = perf_counter()
     if given.what == 'check':

@@ -20,7 +20,7 @@ from dlo_planner.energy.problem import (
 )
 from dlo_planner.energy.terms import constraint_jacobian, row_count
 from dlo_planner.geometry.kinematics import part_of_element, point_inside, put_own_twist
-from dlo_planner.geometry.so3 import coefficients_in
+from dlo_planner.geometry.so3 import coefficients_in, minus, vector
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import touching
 from dlo_planner.minimize.dense import lu_factor, lu_solve
@@ -99,8 +99,7 @@ def node_twists(system: Problem, state: Configuration, answers: Floats, columns:
         for e in range(n):
             x, y, z = values[e, 0], values[e, 1], values[e, 2]
             t0, t1, t2 = out[e, 0, column], out[e, 1, column], out[e, 2, column]
-            a0, a1, a2 = (positions[e + 1, 0] - positions[e, 0], positions[e + 1, 1] - positions[e, 1],
-                          positions[e + 1, 2] - positions[e, 2])
+            a0, a1, a2 = minus(vector(positions[e + 1]), vector(positions[e]))
             at, part = out[e + 1], parts[e]
             at[0, column] = t0 + _by_strains(part, 0, x, y, z)
             at[1, column] = t1 + _by_strains(part, 1, x, y, z)

@@ -42,6 +42,7 @@ from dlo_planner.minimize.newton import (
     thorough,
     within,
 )
+from dlo_planner.minimize.reach import among_all, bodies_in_reach, points_on, with_bodies
 from dlo_planner.model.arrays import Floats, Ints
 
 _ONE_PLACE = 1e-7  # of the length: contacts with one body that are nearer are one
@@ -174,9 +175,15 @@ def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, 
     there = placed(system, base.copy(), origin.copy(), system.effects.hold,
                    system.effects.contact.contacts.stiffness, plastic, node, element, obstacle,
                    multiplier, fraction, anchor, normal, shear)
+    before = _seen_from(origin, places, tangents)
+    bodies = bodies_in_reach(there, before)
+    some = bodies.size < there.effects.contact.scene.kind.size
+    rubbing = slid[points_on(there, bodies)]
     goes_on, state, residual, stability, iterations, kicks, loaded, violation = predictor_corrector(
-        there, turned_from.copy(), slid.copy(), strains.copy(), origin - moved_from,
-        COARSER * tolerance, exact, _seen_from(origin, places, tangents))
+        with_bodies(there, bodies) if some else there, turned_from.copy(), rubbing, strains.copy(),
+        origin - moved_from, COARSER * tolerance, exact, before)
+    if goes_on and some:
+        loaded = among_all(there, loaded, bodies)
     if not goes_on:
         residual, loaded, state = np.inf, there, new_configuration(there)
         evaluate(there, state)
@@ -189,8 +196,10 @@ def _minimum(contact, system, options, work, places, tangents):
     """Return what `solve_contact` does, of a DLO with obstacles or without."""
     if contact is None:
         return _unobstructed(system, options, work)
-    if contact.scene.kind.size == 0:
-        return _unobstructed(system, options, work)
+    bodies = bodies_in_reach(system, _seen_from(system.origin, places, tangents))
+    if bodies.size == 0:
+        end = _unobstructed(with_bodies(system, bodies), options, work)
+        return end[:5] + (among_all(system, end[5], bodies), end[6])
     return obstructed_minimum(system, work.start, options.gtol, options.ctol, options.maxiter,
                               options.check, places, tangents)
 
@@ -206,8 +215,12 @@ def _unobstructed(system, options, work):
 @kernel
 def obstructed_minimum(system, q, tolerance, exact, steps, check, places, tangents):
     """Return what `solve_contact` does of a DLO whose nodes were at `places`, world, before."""
-    return solve_contact(system, q, COARSER * tolerance, exact, steps, check,
-                         _seen_from(system.origin, places, tangents))
+    before = _seen_from(system.origin, places, tangents)
+    bodies = bodies_in_reach(system, before)
+    some = 0 < bodies.size < system.effects.contact.scene.kind.size
+    end = solve_contact(with_bodies(system, bodies) if some else system, q, COARSER * tolerance,
+                        exact, steps, check, before)
+    return end[:5] + (among_all(system, end[5], bodies) if some else end[5], end[6])
 
 
 @kernel

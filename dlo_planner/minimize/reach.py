@@ -1,0 +1,94 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The bodies that a step can meet: a DLO does not stretch, so it stays within its length.
+
+Contacts of a search are arrays over all of its bodies. A cell has many that no DLO in this gripper
+can reach; they are left out while the search lasts, and are there again in what it returns.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.contact import ContactSet
+from dlo_planner.energy.problem import Problem
+from dlo_planner.energy.scene import Scene, signed_distance
+from dlo_planner.geometry.record import replaced
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.contact_table import with_contacts
+from dlo_planner.model.arrays import Bools, Floats, Ints
+
+
+@kernel
+def bodies_in_reach(system: Problem, before: Floats) -> Ints:
+    """Return (m,) the bodies that a DLO may meet whose nodes come from places `before`, ascending.
+
+    Shapes: before (n, 6), places in m from the gripper, and tangents.
+    """
+    scene = system.effects.contact.scene
+    reach = np.sum(system.lengths)
+    for k in range(before.shape[0]):
+        reach = max(reach, np.sqrt(np.sum(before[k, :3] ** 2)))
+    found, count = np.empty(scene.kind.size, dtype=np.int64), 0
+    normal, hessian = np.empty(3), np.empty((3, 3))
+    for o in range(scene.kind.size):
+        thick = scene.radius + scene.rounding[o] + np.sqrt(np.sum(scene.offset[o] ** 2))
+        if signed_distance(scene, o, scene.origin, normal, hessian) <= reach + thick:
+            found[count] = o
+            count += 1
+    return found[:count].copy()
+
+
+@kernel
+def points_on(system: Problem, bodies: Ints) -> Bools:
+    """Return (C,) whether each point of contact is on one of the bodies (m,)."""
+    obstacle = system.effects.contact.contacts.obstacle
+    is_there = np.zeros(system.effects.contact.scene.kind.size, dtype=np.bool_)
+    is_there[bodies] = True
+    found = np.empty(obstacle.size, dtype=np.bool_)
+    for c in range(obstacle.size):
+        found[c] = is_there[obstacle[c] if obstacle[c] >= 0 else -1 - obstacle[c]]
+    return found
+
+
+@kernel
+def with_bodies(system: Problem, bodies: Ints) -> Problem:
+    """Return the Problem with some of its bodies (m,) alone, and their contacts."""
+    old, stays = system.effects.contact.contacts, points_on(system, bodies)
+    number = np.full(system.effects.contact.scene.kind.size, -1)
+    number[bodies] = np.arange(bodies.size)
+    obstacle = old.obstacle[stays]
+    for c in range(obstacle.size):
+        o = obstacle[c]
+        obstacle[c] = number[o] if o >= 0 else -1 - number[-1 - o]
+    contacts = ContactSet(old.stiffness, old.node[bodies], old.element[stays], obstacle,
+                          old.multiplier[stays], old.fraction[stays], old.anchor[stays],
+                          old.normal[stays], old.shear[stays], old.grip)
+    return with_contacts(system, contacts, _part(system.effects.contact.scene, bodies, number))
+
+
+@kernel
+def _part(scene: Scene, bodies: Ints, number: Ints) -> Scene:
+    """Return the Scene of some bodies; `number` (M,) is what each is there, -1: left out."""
+    holes = np.flatnonzero(number[scene.hole_of] >= 0)
+    return replaced(
+        scene, 'source', scene.source[bodies], 'kind', scene.kind[bodies],
+        'axes', scene.axes[bodies], 'center', scene.center[bodies], 'size', scene.size[bodies],
+        'friction', scene.friction[bodies], 'hole_of', number[scene.hole_of[holes]],
+        'hole_center', scene.hole_center[holes], 'hole_axis', scene.hole_axis[holes],
+        'hole_size', scene.hole_size[holes], 'feature', scene.feature[bodies],
+        'offset', scene.offset[bodies], 'rounding', scene.rounding[bodies],
+        'span', scene.span[bodies], 'inner', scene.inner[bodies])
+
+
+@kernel
+def among_all(system: Problem, found: Problem, bodies: Ints) -> Problem:
+    """Return the Problem `found`, of `bodies` (m,) alone, among all that `system` has."""
+    contacts = found.effects.contact.contacts
+    node = np.zeros_like(system.effects.contact.contacts.node)
+    for k in range(bodies.size):
+        node[bodies[k]] = contacts.node[k]
+    obstacle = contacts.obstacle.copy()
+    for c in range(obstacle.size):
+        o = obstacle[c]
+        obstacle[c] = bodies[o] if o >= 0 else -1 - bodies[-1 - o]
+    return with_contacts(found, replaced(contacts, 'node', node, 'obstacle', obstacle),
+                         system.effects.contact.scene)
