@@ -18,17 +18,13 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from dlo_planner.direct.balance import work_of_grips
 from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import Grips, equilibrium
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
-from dlo_planner.geometry.so3 import (
-    matrix,
-    rotation_vector,
-    times_transposed,
-    turn_between,
-)
+from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle
@@ -233,13 +229,7 @@ def _lost(previous: Shape, shape: Shape) -> bool:
     What does not count is the error of the work, and what bends all of the DLO by a leap.
     """
     previous = _on_mesh_of(shape, previous)
-    one, other = previous.gripper, shape.gripper
-    work, spread = _work(one.rotation, other.rotation, one.position, other.position,
-                         previous.gripper_wrench, shape.gripper_wrench)
-    if shape.far_end is not None:
-        more, wider = _work(previous.frames[-1], shape.frames[-1], previous.positions[-1],
-                            shape.positions[-1], previous.far_wrench, shape.far_wrench)
-        work, spread = work + more, spread + wider
+    work, spread = work_of_grips(previous, shape)
     lost = previous.energy + work - shape.energy - (shape.dissipated - previous.dissipated)
     energy = max(previous.elastic_energy, shape.elastic_energy)
     least = _SPREAD * spread + _EXACT * energy
@@ -267,24 +257,6 @@ def _on_mesh_of(shape: Shape, previous: Shape) -> Shape:
                         mesh.past(previous.state.held), previous.far_end,
                         culled=previous.state.culled)
     return there if there.converged else previous
-
-
-@kernel
-def _work(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats,
-          after: Floats) -> tuple[float, float]:
-    """Return the work in J of a grip on a straight way, its force changing evenly; and its spread.
-
-    It is larger or smaller by up to the spread if all of the change is at one end of the way.
-    Rotations, positions and wrenches on the DLO are those at both ends.
-    """
-    turn = rotation_vector(times_transposed(matrix(other), matrix(one)))
-    work = spread = 0.0
-    for i in range(3):
-        shift = end[i] - begin[i]
-        work += (before[i] + after[i]) * shift + (before[3 + i] + after[3 + i]) * turn[i]
-        spread += abs((after[i] - before[i]) * shift)
-        spread += abs((after[3 + i] - before[3 + i]) * turn[i])
-    return 0.5 * work, 0.5 * spread
 
 
 def _comes_off(previous: Shape, shape: Shape) -> bool:

@@ -99,6 +99,7 @@ class Memory(Value):
     tangents: Floats       # the same
     of: Surroundings | None = field(default=None, compare=False)  # None: not known, as of a file
     set_error: float = 0.0  # m, how far nodes may be off by what earlier steps did to the set
+    hinge: float = -1.0      # m, arc length where a step has left a plastic hinge; < 0: nowhere
     original_set: tuple[Floats, Floats] | None = field(default=None, compare=False)
     # s, plastic, where that was made on another mesh
 
@@ -169,6 +170,7 @@ class Memory(Value):
         """Return its arrays by the names that they have in files."""
         points = {f'point_{name}': array for name, array in self.points._asdict().items()}
         return {'s': self.s, 'set': self.plastic, 'set_error': self.set_error,
+                'hinge': self.hinge,
                 'lost': self.dissipated, 'hold': self.hold,
                 'node_force': self.node_force, **points, 'positions': self.positions,
                 'tangents': self.tangents}
@@ -193,7 +195,8 @@ class Memory(Value):
                    _filed(arrays, 'hold', (min(np.size(arrays.get('hold', ())), 6),)),
                    _filed(arrays, 'node_force', (bodies, s.size)), points,
                    _filed(arrays, 'positions', ends), _filed(arrays, 'tangents', ends),
-                   set_error=float(_filed(arrays, 'set_error', (), 0.0)))
+                   set_error=float(_filed(arrays, 'set_error', (), 0.0)),
+                   hinge=float(_filed({'hinge': -1.0, **arrays}, 'hinge', (), -1.0, length)))
 
 
 def _filed(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], lowest: float = -np.inf,

@@ -17,7 +17,7 @@ from dlo_planner.direct.discretization import Discretization, Memory, mapped
 from dlo_planner.direct.modes import MOST_MODES, SPARE, Linearized, Modes, continued, modes_of
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.errors import InvalidTask
-from dlo_planner.geometry.kinematics import frame_along, positions_along
+from dlo_planner.geometry.kinematics import folded, frame_along, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import (
@@ -123,13 +123,15 @@ class State(Value):
     estimate: Callable[[], float] = field(default=_NOT_KNOWN, compare=False)  # m, `error_estimate`
     culled: bool = field(default=False, compare=False)  # found without what may act, which does not
     kicks: int = field(default=0, compare=False)  # how often the search for it left a saddle
+    overspent: float = field(default=0.0, compare=False)  # J, see `balance.overspent`
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Discretization):  # else a simulator made it
             instance('State.mesh', self.mesh, Discretization, optional=True)
             for name in ('history', 'before'):
                 instance(f'State.{name}', getattr(self, name), Memory, optional=True)
-            put(self, kicks=integer('State.kicks', self.kicks, minimum=0, maximum=10**12))
+            put(self, kicks=integer('State.kicks', self.kicks, minimum=0, maximum=10**12),
+                overspent=figure('State.overspent', self.overspent))
             if not callable(self.estimate):
                 raise InvalidTask(f'State.estimate = {shown(self.estimate)}: expected a function')
 
@@ -317,7 +319,7 @@ class Shape(Pictured):
         It is stable, keeps all constraints, and its residual is below 1e-4.
         """
         return bool(not self.converged and not self.jumped and self.hinge is None
-                    and self.residual < _NEARLY
+                    and not self.impossible and self.residual < _NEARLY
                     and self.stability > -_STABLE and self.violation <= _KEPT * self.s[-1]
                     and self._within_reach)
 
@@ -340,9 +342,21 @@ class Shape(Pictured):
             return f'not converged: {self._hinge_in_words}'
         if self.nearly:
             return f'nearly converged: {figures}'
-        cause = self._cause()
+        cause = self.impossible or self._cause()
         return (f'not converged{", jumped" if self.jumped else ""}: {figures}'
                 + (f'; {cause}' if cause else ''))
+
+    @property
+    def impossible(self) -> str:
+        """Return in words why no DLO can be in it, whatever its residual is; else ''."""
+        if self.state.overspent > 0.0:
+            return (f'its step lost {self.state.overspent:.2g} J more to plastic deformation than '
+                    'it was given')
+        mesh = self.state.mesh
+        if mesh is not None and folded(self._kernel_arrays[0], self._kernel_arrays[1],
+                                       mesh.free.natural):
+            return 'an element is bent by more than half a turn'
+        return ''
 
     def _cause(self) -> str:
         """Return in words why no equilibrium was found, or '' where that is not known."""
@@ -360,9 +374,12 @@ class Shape(Pictured):
         """Arc length in m of a plastic hinge, one element that bends alone; None if there is none.
 
         Without `Rod.hardening` a moment beyond what the section bears bends one element, the
-        sharper the shorter it is: strains there mean nothing. With an accuracy that is no
-        `converged` shape, on elements of a given number `error_estimate` tells what it does.
+        sharper the shorter it is: strains there mean nothing, and no mesh is fine enough. On none
+        that is a `converged` shape, nor what follows it, and `error_estimate` is infinite.
         """
+        history = self.state.history
+        if history is not None and history.hinge >= 0.0:
+            return history.hinge
         found = self._hinge
         return None if found is None else float(0.5 * self.s[found[0]:found[0] + 2].sum())
 
@@ -375,10 +392,10 @@ class Shape(Pictured):
 
     @property
     def _hinge_in_words(self) -> str:
-        assert self._hinge is not None  # asked for where there is one
-        return (f'plastic hinge at s = {self.hinge:.4g} m, one element is strained '
-                f'{self._hinge[1]:.3g} times its yield limit, a shorter one would be further: '
-                'more moment than the section bears without hardening (Rod.hardening)')
+        strained = '' if self._hinge is None else (
+            f'one element is strained {self._hinge[1]:.3g} times its yield limit, ')
+        return (f'plastic hinge at s = {self.hinge:.4g} m, {strained}a shorter one would be '
+                'further: more moment than the section bears without hardening (Rod.hardening)')
 
     @property
     def _within_reach(self) -> bool:
@@ -396,6 +413,8 @@ class Shape(Pictured):
         nothing is known here, see `Motion.error_estimate`.
         """
         history = self.state.history
+        if history is not None and history.hinge >= 0.0:
+            return np.inf
         return max(self.state.estimate(), 0.0 if history is None else history.set_error)
 
     def resample(self, n_elements: int) -> Shape:
@@ -707,6 +726,8 @@ def _radii_of(shape: Shape) -> Floats | None:
 _FAR_BEYOND = 10.0  # yield limits: a section that is strained as far bears what it can
 _ALONE = 5.0        # times as far as the elements beside it
 _FEW = 5            # elements: too few to tell
+_WELL_BEYOND = 3.0  # yield limits: less is borne by 3 % less than the limit moment, and is no hinge
+_SHARPER = 1.35     # times as far on halved elements: between 1.1 of coarse ones and sqrt(2)
 
 
 def _hinge(rod: Rod, bent: Floats) -> tuple[int, float] | None:
@@ -717,15 +738,41 @@ def _hinge(rod: Rod, bent: Floats) -> tuple[int, float] | None:
     """
     if rod.hardening > 0 or len(bent) < _FEW:
         return None
-    curved: Any = rod.yield_curvature or (np.inf, np.inf)  # a pair, whatever was given
-    shares = np.abs(bent) / (rod.yield_torsion or np.inf, *curved)
-    for share in (shares[:, 0], np.hypot(shares[:, 1], shares[:, 2])):
+    for share in _yield_shares(rod, bent):
         at = int(share.argmax())
         beside = max(share[max(at - 2, 0):max(at - 1, 0)].max(initial=0.0),
                      share[at + 2:at + 3].max(initial=0.0))
         if share[at] > _FAR_BEYOND and share[at] > _ALONE * beside:
             return at, float(share[at])
     return None
+
+
+def hinge_of(shape: Shape, finer: Shape | None) -> float | None:
+    """Return the arc length in m of the plastic hinge that a step has made; None if it made none.
+
+    `finer` is the same with every element halved, None if there is none. What yields and bears is
+    strained as far there, to the error of its elements; a hinge twice as far, as all of it is in
+    one of the halves, and at the least moment that makes one sqrt(2) times: curvature is there by
+    one over the root of the distance. This tells a hinge on coarse elements, and under a series;
+    on fine ones it stands out.
+    """
+    rod = shape.state.made_on.rod
+    if rod.hardening > 0:
+        return None
+    if finer is not None:
+        for share, other in zip(*(_yield_shares(rod, one.element_strains - one.state.made_on.natural)
+                                  for one in (shape, finer)), strict=True):
+            if other.max() > max(_WELL_BEYOND, _SHARPER * share.max()):
+                at = int(other.argmax())
+                return float(0.5 * finer.s[at:at + 2].sum())
+    return shape.hinge
+
+
+def _yield_shares(rod: Rod, bent: Floats) -> tuple[Floats, Floats]:
+    """Return torsions and curvatures (N,) in yield limits, of strains (N, 3) since the natural."""
+    curved: Any = rod.yield_curvature or (np.inf, np.inf)  # a pair, whatever was given
+    shares = np.abs(bent) / (rod.yield_torsion or np.inf, *curved)
+    return shares[:, 0], np.hypot(shares[:, 1], shares[:, 2])
 
 
 def check_movable(surroundings: Surroundings) -> None:
