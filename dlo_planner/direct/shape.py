@@ -380,11 +380,12 @@ class Shape(Pictured):
         history = self.state.history
         if history is not None and history.hinge >= 0.0:
             return history.hinge
-        found = self._hinge
+        found = self.outlier
         return None if found is None else float(0.5 * self.s[found[0]:found[0] + 2].sum())
 
     @property
-    def _hinge(self) -> tuple[int, float] | None:
+    def outlier(self) -> tuple[int, float] | None:
+        """Element strained far beyond all beside it, and its strain in yield limits; or None."""
         mesh = self.state.mesh
         if mesh is None or not mesh.yields:
             return None
@@ -392,8 +393,8 @@ class Shape(Pictured):
 
     @property
     def _hinge_in_words(self) -> str:
-        strained = '' if self._hinge is None else (
-            f'one element is strained {self._hinge[1]:.3g} times its yield limit, ')
+        strained = '' if self.outlier is None else (
+            f'one element is strained {self.outlier[1]:.3g} times its yield limit, ')
         return (f'plastic hinge at s = {self.hinge:.4g} m, {strained}a shorter one would be '
                 'further: more moment than the section bears without hardening (Rod.hardening)')
 
