@@ -20,6 +20,7 @@ import numpy as np
 
 from dlo_planner.direct.balance import work_of_grips
 from dlo_planner.direct.discretization import SAMPLES
+from dlo_planner.direct.self_passage import may_pass, passed_between
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import Grips, equilibrium
 from dlo_planner.energy.ccd import sweeps_through
@@ -87,14 +88,18 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
         good, touches = sound(previous, shape, way), bool(previous.contacts or shape.contacts)
         if good and (last or not _is_doubtful(previous, shape, way)):
             if last or not shape.contacts or not _is_long(way, touches, at_once):
-                return shape
+                shape = _led(previous, shape)
+                if last or way.size <= _OFF or shape.passed_itself is False:
+                    return shape  # else shorter ways tell whether it really does
         elif last:
-            return _jumped(shape)
+            return _led(previous, _jumped(shape))
         elif (good and not _is_long(way, touches, at_once)
               and not (way.size > _OFF and _comes_off(previous, shape))):
             agree, half = _by_halves(solve, previous, goal, shape)
             if agree:
-                return shape
+                shape = _led(previous, shape)
+                if way.size <= _OFF or shape.passed_itself is False:
+                    return shape
         failed = not shape.converged and most in (np.inf, _ANY_TURN)
     if halvings is None:
         parts = max(way.size / _SHORTEST, 1.0)
@@ -104,16 +109,33 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
     if not middle.converged:
         if shape is None:
             return _jumped(middle)
-        return _jumped(_to_its_end(solve, previous, goal, shape, most))
+        return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
     rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
     if not rest.converged and shape is not None and shape.converged:
         # the whole step has an end, which its parts do not reach
-        return _jumped(_to_its_end(solve, previous, goal, shape, most))
-    jumped = rest.jumped or middle.jumped
+        return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
+    jumped, passed = rest.jumped or middle.jumped, _either(middle, rest)
     if (shape is not None and shape.converged and shape.state.culled and goal.far_end is None
             and shape_change(rest, shape) <= _SAME):
         rest = shape  # what hangs freely does not remember its way, nor shall its mesh
+    if rest.passed_itself is not passed:
+        rest = replace(rest, passed_itself=passed)
     return _jumped(rest) if jumped else rest
+
+
+def _led(previous: Shape, shape: Shape) -> Shape:
+    """Return a Shape that says whether the DLO passed through itself on the way to it."""
+    if not (shape.jumped or may_pass(previous, shape)):
+        return shape
+    passed = passed_between(previous, shape, shape.jumped)
+    return shape if passed is shape.passed_itself else replace(shape, passed_itself=passed)
+
+
+def _either(one: Shape, other: Shape) -> bool | float:
+    """Return whether the DLO passed through itself on the ways to two Shapes together."""
+    both = one.passed_itself, other.passed_itself
+    return next((passed for passed in both if passed is True),
+                next((passed for passed in both if passed is not False), False))
 
 
 def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
@@ -204,7 +226,8 @@ def surely_follows(previous: Shape, shape: Shape) -> bool:
     """Return whether `follow` takes `shape`, found in one step, as it is; arguments as `sound`."""
     way = _way(previous, Grips(shape.gripper, shape.far_end))
     return (sound(previous, shape, way) and not _is_doubtful(previous, shape, way)
-            and not _is_long(way, bool(previous.contacts or shape.contacts), False))
+            and not _is_long(way, bool(previous.contacts or shape.contacts), False)
+            and _led(previous, shape).passed_itself is False)
 
 
 def fell(previous: Shape, shape: Shape, way: Way | None = None) -> bool:

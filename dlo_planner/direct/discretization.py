@@ -299,6 +299,21 @@ class Discretization(Value):
     # ---- the Problem ----------------------------------------------------------------------------
 
     @cached_property
+    def bending_back(self) -> float:
+        """Elastic energy in J below which the DLO bends by less than a right angle in all.
+
+        The square of all that it bends since its stress-free shape is at most twice the energy
+        times its compliance (Schwarz's inequality). 0 where it may be bent without: for good, or by
+        nature.
+        """
+        if self.yields:
+            return 0.0
+        lengths = np.diff(self.s)
+        natural = float(lengths @ np.hypot(*self.natural[:, 1:].T))
+        compliance = float(lengths @ (1.0 / self.free.stiffness[:, 1:].min(axis=1)))
+        return 0.5 * max(0.5 * np.pi - natural, 0.0) ** 2 / compliance
+
+    @cached_property
     def full(self) -> Problem:
         """The Problem with all that may act."""
         return self._with_terms(self.rod, self.surroundings.obstacles, self.section)

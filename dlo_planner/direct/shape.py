@@ -228,6 +228,12 @@ class Shape(Pictured):
         Energy lost to plastic deformation so far, J.
     parts : tuple or None
         The two Shapes of a DLO grasped inside (`GraspedInside`), else None.
+    passed_itself : bool or float
+        Whether the DLO would pass through itself on the way from the shape before, straight seen
+        from the gripper; of a motion, since it began. Nothing holds its pieces off each other: a
+        shape that is beyond such a passage is none that a DLO comes to. nan where that is not
+        known: of a fall, whose way nobody knows, unless both ends are clamped or in a sleeve. Then
+        twist and writhe tell, as no way changes their sum but through itself.
     state : State
         What it leaves to the next step, besides what is listed above; opaque.
     """
@@ -253,6 +259,7 @@ class Shape(Pictured):
     dissipated: float = 0.0
     parts: tuple[Shape, ...] | None = None
     state: State = field(default=UNKNOWN, metadata={'opaque': True})
+    passed_itself: bool | float = False
 
     _REMEMBERED = ('error_estimate',)
 
@@ -262,14 +269,15 @@ class Shape(Pictured):
                  converged: bool, jumped: bool = False, contacts: tuple[Contact, ...] = (),
                  evaluations: int = 0, violation: float = 0.0, far_end: FarEnd | None = None,
                  far_wrench: Floats = NO_WRENCH, dissipated: float = 0.0,
-                 parts: tuple[Shape, ...] | None = None, state: State = UNKNOWN) -> None:
+                 parts: tuple[Shape, ...] | None = None, state: State = UNKNOWN,
+                 passed_itself: bool | float = False) -> None:
         # written out: what a dataclass writes sets field by field, which takes as long as a step
         put(self, gripper=gripper, s=s, positions=positions, frames=frames,
             element_strains=element_strains, energy=energy, elastic_energy=elastic_energy,
             gripper_wrench=gripper_wrench, residual=residual, stability=stability,
             iterations=iterations, converged=converged, jumped=jumped, contacts=contacts,
             evaluations=evaluations, violation=violation, far_end=far_end, far_wrench=far_wrench,
-            dissipated=dissipated, parts=parts, state=state)
+            dissipated=dissipated, parts=parts, state=state, passed_itself=passed_itself)
         if getattr(state, 'mesh', None) is None:  # else a simulator made it
             self._judge()
         for name in _ARRAYS:
@@ -297,6 +305,8 @@ class Shape(Pictured):
             **{name: flag(f'Shape.{name}', getattr(self, name))
                for name in ('converged', 'jumped')})
         instance('Shape.far_end', self.far_end, FarEnd, optional=True)
+        if self.passed_itself == self.passed_itself:  # not nan
+            put(self, passed_itself=flag('Shape.passed_itself', self.passed_itself))
         instance('Shape.state', self.state, State)
         if self.parts is not None:
             put(self, parts=items('Shape.parts', self.parts, Shape, least=2))
@@ -310,7 +320,8 @@ class Shape(Pictured):
                      f'stability {self.stability:.2g}',
                      f'error {self.error_estimate:.1g} m' if cheap else '',
                      f'{len(self.contacts)} contacts' if self.contacts else '',
-                     'lies in itself' if self.lies_in_itself else '')
+                     'lies in itself' if self.lies_in_itself is True else '',
+                     self._passage_in_words)
 
     @property
     def nearly(self) -> bool:
@@ -327,7 +338,8 @@ class Shape(Pictured):
     def status(self) -> str:
         """How the computation ended, in words: 'converged', 'nearly converged', or why not.
 
-        With 'jumped', 'lies in itself' and 'plastic hinge' where it did, does and has one.
+        With 'jumped', 'passed through itself' ('may have passed through itself' where that is
+        not known), 'lies in itself' and 'plastic hinge' where it did, does and has one.
         """
         if self.far_end is not None and not self._within_reach:
             return (f'out of reach: the far end is held {distance(self.far_end, self.gripper):.9g} '
@@ -335,8 +347,10 @@ class Shape(Pictured):
         figures = (f'residual {self.residual:.2g}, stability {self.stability:.2g}, '
                    f'violation {self.violation:.2g} m')
         if self.converged:
+            passage = self._passage_in_words
             return ('converged' + (', jumped' if self.jumped else '')
-                    + (', lies in itself' if self.lies_in_itself else '')
+                    + (f', {passage}' if passage else '')
+                    + (', lies in itself' if self.lies_in_itself is True else '')
                     + (f', {self._hinge_in_words}' if self.hinge is not None else ''))
         if self.hinge is not None:
             return f'not converged: {self._hinge_in_words}'
@@ -345,6 +359,19 @@ class Shape(Pictured):
         cause = self.impossible or self._cause()
         return (f'not converged{", jumped" if self.jumped else ""}: {figures}'
                 + (f'; {cause}' if cause else ''))
+
+    @property
+    def _passage_in_words(self) -> str:
+        if self.passed_itself is False:
+            return ''
+        return 'passed through itself' if self.passed_itself is True else (
+            'may have passed through itself')
+
+    @property
+    def not_looked_at(self) -> tuple[str, ...]:
+        """Names of the figures that are nan: what they tell is not known."""
+        names = 'bend_margin', 'self_distance', 'lies_in_itself', 'passed_itself'
+        return tuple(name for name in names if np.isnan(getattr(self, name)))
 
     @property
     def impossible(self) -> str:
@@ -572,12 +599,13 @@ class Shape(Pictured):
         return self._near_itself[0]
 
     @property
-    def lies_in_itself(self) -> bool:
+    def lies_in_itself(self) -> bool | float:
         """Whether two of its pieces, no neighbours, are nearer than their radii.
 
-        By the least half size of a rectangular section; False where `self_distance` is nan.
+        By the least half size of a rectangular section; nan where `self_distance` is.
         """
-        return self._near_itself[1] < 0
+        gap = self._near_itself[1]
+        return gap < 0 if gap == gap else np.nan
 
     @cached_property
     def _near_itself(self) -> tuple[float, float]:
@@ -851,6 +879,7 @@ def pack(shape: Shape) -> dict[str, Any]:
     """Return a tree (see `direct.storage`) of all of a Shape but the rod and its surroundings."""
     packed = {name: getattr(shape, name) for name in _ARRAYS + _NUMBERS}
     packed['gripper'] = pose_row(shape.gripper)
+    packed['passed_itself'] = float(shape.passed_itself)
     packed['error_estimate'] = shape.error_estimate
     if shape.far_end is not None:
         packed |= {'far_end': pose_row(shape.far_end.pose), 'far_grip': shape.far_end.grip}
@@ -872,6 +901,8 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     history = Memory.unpacked(past, float(stored['s'][-1])) if past else None
     values = {name: stored[name] for name in _ARRAYS}
     values |= {name: stored[name].item() for name in _NUMBERS}
+    passed = float(stored.get('passed_itself', 0.0))  # 1, 0, or nan
     return Shape(gripper=pose_of_row(stored['gripper']), contacts=contacts, far_end=far_end,
+                 passed_itself=bool(passed) if passed in (0.0, 1.0) else np.nan,
                  state=State(history=history, estimate=Constant(float(stored['error_estimate']))),
                  **values)
