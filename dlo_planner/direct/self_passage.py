@@ -3,8 +3,9 @@
 """Whether a DLO would pass through itself from one shape to the next.
 
 The way between two shapes is taken as straight, seen from the gripper, and swept. A fall has a way
-that nobody knows. Where both ends are held so that they do not turn, their link tells all the same
-(`geometry.writhe`); where they are not, only what cannot bend back is known not to have.
+that nobody knows. Where both ends are held so that they do not turn, the link tells all the same
+(`geometry.writhe`), if it does so however the DLO is closed behind its grips; where they are not,
+only what cannot bend back is known not to have passed.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import angle_between
 
 _TURNING = 'clamped', 'sleeve'  # grips of the far end with which it turns
+_TILTS = 0.0, 1.0, -1.0  # rad: of what closes it; what swings past a grip's back passes one of them
 _KNOWN = 1.0   # rad: grips that turn by more in a fall may have changed the link by a passage's
 
 
@@ -38,7 +40,8 @@ def passed_between(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
     if jumped and _is_turned(previous) and _is_turned(shape):
         if _turned_by(previous, shape) > _KNOWN:
             return np.nan
-        return bool(abs(_link(shape) - _link(previous)) > 1.0)
+        changed = [abs(_link(shape, tilt) - _link(previous, tilt)) > 1.0 for tilt in _TILTS]
+        return changed[0] if len(set(changed)) == 1 else np.nan
     s = np.minimum(shape.s, previous.s[-1])  # parts of a DLO that goes into a bore are shorter
     before, strains = _seen(previous, s)
     lengths = np.diff(shape.s)
@@ -71,7 +74,7 @@ def _turned_by(previous: Shape, shape: Shape) -> float:
     return sum(angle_between(previous.frames[k], shape.frames[k]) for k in (0, -1))
 
 
-def _link(shape: Shape) -> float:
+def _link(shape: Shape, tilt: float = 0.0) -> float:
     """Return the `link` of a Shape, in turns."""
     return float(link(np.diff(shape.s), *map(np.array, (
-        shape.element_strains, shape.frames, shape.positions))))
+        shape.element_strains, shape.frames, shape.positions)), tilt))
