@@ -18,11 +18,10 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from dlo_planner.direct.balance import work_of_grips
 from dlo_planner.direct.discretization import SAMPLES
-from dlo_planner.direct.self_passage import may_pass, passed_between
+from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import Grips, equilibrium
+from dlo_planner.direct.statics import Grips, equilibrium, work_of_grips
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
 from dlo_planner.geometry.so3 import turn_between
@@ -125,8 +124,10 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
 
 def _led(previous: Shape, shape: Shape) -> Shape:
     """Return a Shape that says whether the DLO passed through itself on the way to it."""
-    if not (shape.jumped or may_pass(previous, shape)):
-        return shape
+    mesh, known = shape.state.mesh, previous.state.mesh
+    if (mesh is not None and known is not None and shape.elastic_energy <= mesh.bending_back
+            and previous.elastic_energy <= known.bending_back):
+        return shape  # neither bends by a right angle, as of nearly all that hangs freely
     passed = passed_between(previous, shape, shape.jumped)
     return shape if passed is shape.passed_itself else replace(shape, passed_itself=passed)
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.geometry.self_passage import bends_back, passes_itself
 from dlo_planner.geometry.writhe import link
 from dlo_planner.model.arrays import Floats
@@ -23,20 +23,11 @@ _TILTS = 0.0, 1.0, -1.0  # rad: of what closes it; what swings past a grip's bac
 _KNOWN = 1.0   # rad: grips that turn by more in a fall may have changed the link by a passage's
 
 
-def may_pass(previous: Shape, shape: Shape) -> bool:
-    """Whether a DLO may pass through itself between two Shapes: a quick look at their energies."""
-    one, other = previous.state.mesh, shape.state.mesh
-    return (one is None or other is None or previous.elastic_energy > one.bending_back
-            or shape.elastic_energy > other.bending_back)
-
-
 def passed_between(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
     """Return the `Shape.passed_itself` of a step from `previous`, in which the DLO may have jumped.
 
     Where it has, nan is returned if that cannot be known.
     """
-    if not may_pass(previous, shape):
-        return False
     if jumped and _is_turned(previous) and _is_turned(shape):
         if _turned_by(previous, shape) > _KNOWN:
             return np.nan
@@ -76,5 +67,4 @@ def _turned_by(previous: Shape, shape: Shape) -> float:
 
 def _link(shape: Shape, tilt: float = 0.0) -> float:
     """Return the `link` of a Shape, in turns."""
-    return float(link(np.diff(shape.s), *map(np.array, (
-        shape.element_strains, shape.frames, shape.positions)), tilt))
+    return float(link(*kernel_arrays(shape), tilt))

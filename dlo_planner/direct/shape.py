@@ -305,7 +305,7 @@ class Shape(Pictured):
             **{name: flag(f'Shape.{name}', getattr(self, name))
                for name in ('converged', 'jumped')})
         instance('Shape.far_end', self.far_end, FarEnd, optional=True)
-        if self.passed_itself == self.passed_itself:  # not nan
+        if not (isinstance(self.passed_itself, float) and np.isnan(self.passed_itself)):
             put(self, passed_itself=flag('Shape.passed_itself', self.passed_itself))
         instance('Shape.state', self.state, State)
         if self.parts is not None:
@@ -605,7 +605,7 @@ class Shape(Pictured):
         By the least half size of a rectangular section; nan where `self_distance` is.
         """
         gap = self._near_itself[1]
-        return gap < 0 if gap == gap else np.nan
+        return np.nan if np.isnan(gap) else gap < 0
 
     @cached_property
     def _near_itself(self) -> tuple[float, float]:
@@ -789,8 +789,9 @@ def hinge_of(shape: Shape, finer: Shape | None) -> float | None:
     if rod.hardening > 0:
         return None
     if finer is not None:
-        for share, other in zip(*(_yield_shares(rod, one.element_strains - one.state.made_on.natural)
-                                  for one in (shape, finer)), strict=True):
+        pair = (_yield_shares(rod, one.element_strains - one.state.made_on.natural)
+                for one in (shape, finer))
+        for share, other in zip(*pair, strict=True):
             if other.max() > max(_WELL_BEYOND, _SHARPER * share.max()):
                 at = int(other.argmax())
                 return float(0.5 * finer.s[at:at + 2].sum())

@@ -48,8 +48,8 @@ from dlo_planner.direct.shape import Shape, State
 from dlo_planner.direct.statics import acts_at, reach_of, shape_from
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
-from dlo_planner.geometry.self_passage import first_passage
 from dlo_planner.energy.problem import Problem
+from dlo_planner.geometry.self_passage import first_passage
 from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.convergence import accept_by_decrement
 from dlo_planner.minimize.solve import Solution

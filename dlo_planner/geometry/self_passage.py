@@ -82,7 +82,8 @@ def first_passage(lengths: Floats, strains: Floats, frames: Floats, positions: F
         positions: (n, N + 1, 3) m
     """
     n = strains.shape[0]
-    before, after = np.empty(positions.shape[1:]), np.empty(positions.shape[1:])
+    before = np.empty((positions.shape[1], 3))
+    after = np.empty_like(before)
     for k in range(n):
         before[:] = after
         for m in range(after.shape[0]):
@@ -128,7 +129,7 @@ def _pass(before, after, i, j, touches):
     for part in range(count):
         low, high = bounds[part], bounds[part + 1]
         begin, end = _value(c, low), _value(c, high)
-        if not (begin > 0.0) != (end > 0.0):
+        if (begin > 0.0) == (end > 0.0):
             continue
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)

@@ -41,8 +41,9 @@ def link(lengths: Floats, strains: Floats, frames: Floats, positions: Floats,
          tilt: float) -> float:
     """Return twist plus writhe, in turns, of a DLO that goes straight on from both its ends.
 
-    Or leaves them at an angle `tilt`, rad, towards its first normal. It is that of the polygon of the elements' chords, with the material frames in their middles:
-    so it is kept exactly, however large elements are.
+    Or leaves them at an angle `tilt`, rad, towards its first normal. It is that of the polygon of
+    the elements' chords, with the material frames in their middles: so it is kept exactly, however
+    large elements are.
 
     Args:
         lengths: (N,) m; strains: (N, 3) 1/m; frames: (N + 1, 3, 3); positions: (N + 1, 3) m

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Capsule, DirectSimulator, FarEnd, Plane, PointLoad, Pose, Rod, Shape
-from dlo_planner.direct.balance import overspent
+from dlo_planner.direct.statics import overspent
 from dlo_planner.energy.plastic import closest_point_projection
 from dlo_planner.geometry.kinematics import folded
 
