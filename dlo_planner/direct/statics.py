@@ -748,41 +748,44 @@ def _error_from(mesh: Discretization, positions: Floats, finer: Floats) -> float
 _ROUGH, _MORE_WORK = 0.05, 2.0
 
 
-def work_of_grips(previous: Shape, shape: Shape) -> tuple[float, float]:
-    """Return the work in J of both grips in a step from `previous`, and its spread (`_work`).
-
-    A far end that is let go does no work.
-    """
-    one, other = previous.gripper, shape.gripper
-    work, spread = _work(one.rotation, other.rotation, one.position, other.position,
-                         previous.gripper_wrench, shape.gripper_wrench)
-    if shape.far_end is not None:
-        more, wider = _work(previous.frames[-1], shape.frames[-1], previous.positions[-1],
-                            shape.positions[-1], previous.far_wrench, shape.far_wrench)
-        work, spread = work + more, spread + wider
-    return work, spread
-
-
 def overspent(previous: Shape, shape: Shape) -> float:
     """Return by how much, in J, plastic deformation takes more in a step than it was given; else 0.
 
     It was given the work of the grips, and the energy that is not there any more.
     """
     lost = shape.dissipated - previous.dissipated
-    work, spread = work_of_grips(previous, shape)
+    work, spread = work_of_grips(
+        previous.frames, previous.positions, previous.gripper_wrench, previous.far_wrench,
+        shape.frames, shape.positions, shape.gripper_wrench, shape.far_wrench,
+        shape.far_end is not None)
     given = previous.energy - shape.energy + max(work, 0.0) * _MORE_WORK + min(work, 0.0)
     energy = max(previous.elastic_energy, shape.elastic_energy)
     return max(0.0, lost - given - _MORE_WORK * spread - _ROUGH * energy)
 
 
 @kernel
-def _work(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats,
-          after: Floats) -> tuple[float, float]:
-    """Return the work in J of a grip on a straight way, its force changing evenly; and its spread.
+def work_of_grips(frames: Floats, positions: Floats, wrench: Floats, far_wrench: Floats,
+                  frames_after: Floats, positions_after: Floats, wrench_after: Floats,
+                  far_wrench_after: Floats, held: bool) -> tuple[float, float]:
+    """Return the work in J of the grips on a straight way, forces changing evenly, and its spread.
 
     It is larger or smaller by up to the spread if all of the change is at one end of the way.
-    Rotations, positions and wrenches on the DLO are those at both ends.
+    Frames, positions and wrenches on the DLO are those at both ends; a far end that is not `held`
+    after the step has been let go, which is no work.
     """
+    work, spread = _work(frames[0], frames_after[0], positions[0], positions_after[0], wrench,
+                         wrench_after)
+    if held:
+        more, wider = _work(frames[-1], frames_after[-1], positions[-1], positions_after[-1],
+                            far_wrench, far_wrench_after)
+        work, spread = work + more, spread + wider
+    return work, spread
+
+
+@kernel
+def _work(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats,
+          after: Floats) -> tuple[float, float]:
+    """Return what `work_of_grips` does, of one grip."""
     turn = rotation_vector(times_transposed(matrix(other), matrix(one)))
     work = spread = 0.0
     for i in range(3):
