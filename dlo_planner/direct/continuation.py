@@ -64,7 +64,8 @@ def follow(solve: Equilibrium, previous: Shape, gripper: Pose, far_end: FarEnd |
     loses energy that neither work nor friction accounts for, or comes from an unstable shape: that
     has lost its stability there, and the DLO takes one of several sides (a pitchfork).
     """
-    if previous.pinned:  # a ball joint: the DLO does not turn with it
+    mesh = previous.state.mesh
+    if mesh is not None and mesh.surroundings.pinned:  # the DLO does not turn with a ball joint
         gripper = Pose.from_rotation(gripper.position, previous.gripper.rotation)
     return _followed(solve, previous, Grips(gripper, far_end), at_once, None)
 
