@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Capsule, DirectSimulator, FarEnd, Plane, PointLoad, Pose, Rod, Shape
+from dlo_planner.direct import statics
 from dlo_planner.direct.statics import overspent
 from dlo_planner.energy.plastic import closest_point_projection
 from dlo_planner.geometry.kinematics import folded
@@ -390,6 +391,18 @@ def test_no_shape_takes_more_energy_than_it_was_given():
     next_one = simulator.solve(HERE, wrong)  # begins with the set before it
     assert next_one.converged
     np.testing.assert_allclose(next_one.positions[-1], shape.positions[-1], atol=1e-4)
+
+
+def test_a_step_that_takes_more_is_refused_and_leaves_the_set_before_it(monkeypatch):
+    wire, load = loaded_wire(1.3)
+    more = DirectSimulator(wire, basis='local', n_elements=32, **loaded_wire(1.65)[1])
+    shape = DirectSimulator(wire, basis='local', n_elements=32, **load).solve(HERE)
+    monkeypatch.setattr(statics, 'overspent', lambda *_: 10.0)
+    wrong = more.solve(HERE, shape)
+    assert shape.converged and not wrong.converged and 'lost 10 J more' in wrong.status
+    np.testing.assert_array_equal(wrong.history.plastic, shape.history.plastic)
+    monkeypatch.undo()
+    assert more.solve(HERE, shape).converged
 
 
 def test_an_element_bent_by_more_than_half_a_turn_is_no_answer():
