@@ -754,30 +754,31 @@ def overspent(previous: Shape, shape: Shape) -> float:
     It was given the work of the grips, and the energy that is not there any more.
     """
     lost = shape.dissipated - previous.dissipated
+    one, other = previous.gripper, shape.gripper
     work, spread = work_of_grips(
-        previous.frames, previous.positions, previous.gripper_wrench, previous.far_wrench,
-        shape.frames, shape.positions, shape.gripper_wrench, shape.far_wrench,
-        shape.far_end is not None)
+        one.rotation, other.rotation, one.position, other.position, previous.gripper_wrench,
+        shape.gripper_wrench, shape.far_end is not None, previous.frames, shape.frames,
+        previous.positions, shape.positions, previous.far_wrench, shape.far_wrench)
     given = previous.energy - shape.energy + max(work, 0.0) * _MORE_WORK + min(work, 0.0)
     energy = max(previous.elastic_energy, shape.elastic_energy)
     return max(0.0, lost - given - _MORE_WORK * spread - _ROUGH * energy)
 
 
 @kernel
-def work_of_grips(frames: Floats, positions: Floats, wrench: Floats, far_wrench: Floats,
-                  frames_after: Floats, positions_after: Floats, wrench_after: Floats,
-                  far_wrench_after: Floats, held: bool) -> tuple[float, float]:
+def work_of_grips(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats,
+                  after: Floats, held: bool, frames: Floats, frames_after: Floats,
+                  positions: Floats, positions_after: Floats, far_before: Floats,
+                  far_after: Floats) -> tuple[float, float]:
     """Return the work in J of the grips on a straight way, forces changing evenly, and its spread.
 
     It is larger or smaller by up to the spread if all of the change is at one end of the way.
-    Frames, positions and wrenches on the DLO are those at both ends; a far end that is not `held`
-    after the step has been let go, which is no work.
+    Rotations, positions and wrenches on the DLO are those before and after the step. A far end that
+    is not `held` after it has been let go, which is no work.
     """
-    work, spread = _work(frames[0], frames_after[0], positions[0], positions_after[0], wrench,
-                         wrench_after)
+    work, spread = _work(one, other, begin, end, before, after)
     if held:
         more, wider = _work(frames[-1], frames_after[-1], positions[-1], positions_after[-1],
-                            far_wrench, far_wrench_after)
+                            far_before, far_after)
         work, spread = work + more, spread + wider
     return work, spread
 
