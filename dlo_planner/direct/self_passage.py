@@ -28,6 +28,8 @@ def passed_between(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
 
     Where it has, nan is returned if that cannot be known.
     """
+    if _bends_little(previous) and _bends_little(shape):
+        return False
     if jumped and _is_turned(previous) and _is_turned(shape):
         if _turned_by(previous, shape) > _KNOWN:
             return np.nan
@@ -41,6 +43,12 @@ def passed_between(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
     if jumped:
         return np.nan
     return bool(passes_itself(before, _seen(shape, shape.s)[0]))
+
+
+def _bends_little(shape: Shape) -> bool:
+    """Whether a Shape bends by less than a right angle in all, as its energy tells."""
+    mesh = shape.state.mesh
+    return mesh is not None and shape.elastic_energy <= mesh.bending_back
 
 
 def _seen(shape: Shape, s: Floats) -> tuple[Floats, Floats]:
