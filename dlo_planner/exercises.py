@@ -10,13 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import corrected_by, past_of
 from dlo_planner.execute.correction_checks import aimed_anew
 from dlo_planner.execute.limiter import frames_of, velocities
 from dlo_planner.execute.loop_motions import LoopTask, way_back, way_in, way_to_standoff
+from dlo_planner.geometry.self_passage import first_passage
 from dlo_planner.identify.correction import correct
 from dlo_planner.identify.fit import fit_rod
 from dlo_planner.identify.observation import Observation
@@ -173,6 +175,12 @@ def held() -> None:
             shape = direct.solve(_LEVEL, far_end=end)
             assert direct.solve(_LEVEL, shape, far_end=end).error_estimate > 0
     Sensitivity(shape)
+    direct = DirectSimulator(_ROD)
+    bent = direct.solve(_LEVEL, far_end=Pose((0.2, 0, 0.2), (0, 0, 0, 1)))
+    for jumped in (False, True):
+        assert passed_between(bent, bent, jumped) is False
+    lengths, strains, frames, positions = kernel_arrays(bent)
+    first_passage(lengths, *(np.stack([one] * 2) for one in (strains, frames[0], positions)))
 
 
 def seen() -> None:

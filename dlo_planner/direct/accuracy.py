@@ -95,10 +95,14 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
         kicks += shape.state.kicks
         if kicks > shape.state.kicks:  # those on the meshes before count as well
             shape = replace(shape, state=replace(shape.state, kicks=kicks))
-        if shape.converged and shape.hinge is not None:  # on finer meshes it is another shape
-            return replace(shape, converged=False)
         if not shape.converged:
-            return shape
+            finer = None
+            if shape.hinge is not None and shape.outlier is None:  # these elements may be too long
+                finer = _refined(mesh, fine, shape, accuracy)
+            if finer is None:
+                return shape
+            mesh, start = finer, None
+            continue
         if kicks and how.most < np.inf and not shape.state.culled:  # a fall is made in parts
             return shape
         if shape.dissipated:

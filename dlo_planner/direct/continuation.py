@@ -19,16 +19,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from dlo_planner.direct.discretization import SAMPLES
+from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import Grips, equilibrium
+from dlo_planner.direct.statics import Grips, equilibrium, work_of_grips
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
-from dlo_planner.geometry.so3 import (
-    matrix,
-    rotation_vector,
-    times_transposed,
-    turn_between,
-)
+from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle
@@ -67,7 +63,8 @@ def follow(solve: Equilibrium, previous: Shape, gripper: Pose, far_end: FarEnd |
     loses energy that neither work nor friction accounts for, or comes from an unstable shape: that
     has lost its stability there, and the DLO takes one of several sides (a pitchfork).
     """
-    if previous.pinned:  # a ball joint: the DLO does not turn with it
+    mesh = previous.state.mesh
+    if mesh is not None and mesh.surroundings.pinned:  # the DLO does not turn with a ball joint
         gripper = Pose.from_rotation(gripper.position, previous.gripper.rotation)
     return _followed(solve, previous, Grips(gripper, far_end), at_once, None)
 
@@ -90,14 +87,18 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
         good, touches = sound(previous, shape, way), bool(previous.contacts or shape.contacts)
         if good and (last or not _changes(previous, shape)):
             if last or not shape.contacts or not _is_long(way, touches, at_once):
-                return shape
+                shape = _led(previous, shape)
+                if last or way.size <= _OFF or shape.passed_itself is False:
+                    return shape  # else shorter ways tell whether it really does
         elif last:
-            return _jumped(shape)
+            return _led(previous, _jumped(shape))
         elif (good and not _is_long(way, touches, at_once)
               and not (way.size > _OFF and _comes_off(previous, shape))):
             agree, half = _by_halves(solve, previous, goal, shape)
             if agree:
-                return shape
+                shape = _led(previous, shape)
+                if way.size <= _OFF or shape.passed_itself is False:
+                    return shape
         failed = not shape.converged and most in (np.inf, _ANY_TURN)
     if halvings is None:
         parts = max(way.size / _SHORTEST, 1.0)
@@ -107,16 +108,35 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
     if not middle.converged:
         if shape is None:
             return _jumped(middle)
-        return _jumped(_to_its_end(solve, previous, goal, shape, most))
+        return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
     rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
     if not rest.converged and shape is not None and shape.converged:
         # the whole step has an end, which its parts do not reach
-        return _jumped(_to_its_end(solve, previous, goal, shape, most))
-    jumped = rest.jumped or middle.jumped
+        return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
+    jumped, passed = rest.jumped or middle.jumped, _either(middle, rest)
     if (shape is not None and shape.converged and shape.state.culled and goal.far_end is None
             and shape_change(rest, shape) <= _SAME):
         rest = shape  # what hangs freely does not remember its way, nor shall its mesh
+    if rest.passed_itself is not passed:
+        rest = replace(rest, passed_itself=passed)
     return _jumped(rest) if jumped else rest
+
+
+def _led(previous: Shape, shape: Shape) -> Shape:
+    """Return a Shape that says whether the DLO passed through itself on the way to it."""
+    mesh, known = shape.state.mesh, previous.state.mesh
+    if (mesh is not None and known is not None and shape.elastic_energy <= mesh.bending_back
+            and previous.elastic_energy <= known.bending_back):
+        return shape  # neither bends by a right angle, as of nearly all that hangs freely
+    passed = passed_between(previous, shape, shape.jumped)
+    return shape if passed is shape.passed_itself else replace(shape, passed_itself=passed)
+
+
+def _either(one: Shape, other: Shape) -> bool | float:
+    """Return whether the DLO passed through itself on the ways to two Shapes together."""
+    both = one.passed_itself, other.passed_itself
+    return next((passed for passed in both if passed is True),
+                next((passed for passed in both if passed is not False), False))
 
 
 def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
@@ -207,7 +227,8 @@ def surely_follows(previous: Shape, shape: Shape) -> bool:
     """Return whether `follow` takes `shape`, found in one step, as it is; arguments as `sound`."""
     way = _way(previous, Grips(shape.gripper, shape.far_end))
     return (sound(previous, shape, way) and not _changes(previous, shape)
-            and not _is_long(way, bool(previous.contacts or shape.contacts), False))
+            and not _is_long(way, bool(previous.contacts or shape.contacts), False)
+            and _led(previous, shape).passed_itself is False)
 
 
 def fell(previous: Shape, shape: Shape, way: Way | None = None) -> bool:
@@ -233,12 +254,10 @@ def _lost(previous: Shape, shape: Shape) -> bool:
     """
     previous = _on_mesh_of(shape, previous)
     one, other = previous.gripper, shape.gripper
-    work, spread = _work(one.rotation, other.rotation, one.position, other.position,
-                         previous.gripper_wrench, shape.gripper_wrench)
-    if shape.far_end is not None:
-        more, wider = _work(previous.frames[-1], shape.frames[-1], previous.positions[-1],
-                            shape.positions[-1], previous.far_wrench, shape.far_wrench)
-        work, spread = work + more, spread + wider
+    work, spread = work_of_grips(
+        one.rotation, other.rotation, one.position, other.position, previous.gripper_wrench,
+        shape.gripper_wrench, shape.far_end is not None, previous.frames, shape.frames,
+        previous.positions, shape.positions, previous.far_wrench, shape.far_wrench)
     lost = previous.energy + work - shape.energy - (shape.dissipated - previous.dissipated)
     energy = max(previous.elastic_energy, shape.elastic_energy)
     least = _SPREAD * spread + _EXACT * energy
@@ -266,24 +285,6 @@ def _on_mesh_of(shape: Shape, previous: Shape) -> Shape:
                         mesh.past(previous.state.held), previous.far_end,
                         culled=previous.state.culled)
     return there if there.converged else previous
-
-
-@kernel
-def _work(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats,
-          after: Floats) -> tuple[float, float]:
-    """Return the work in J of a grip on a straight way, its force changing evenly; and its spread.
-
-    It is larger or smaller by up to the spread if all of the change is at one end of the way.
-    Rotations, positions and wrenches on the DLO are those at both ends.
-    """
-    turn = rotation_vector(times_transposed(matrix(other), matrix(one)))
-    work = spread = 0.0
-    for i in range(3):
-        shift = end[i] - begin[i]
-        work += (before[i] + after[i]) * shift + (before[3 + i] + after[3 + i]) * turn[i]
-        spread += abs((after[i] - before[i]) * shift)
-        spread += abs((after[3 + i] - before[3 + i]) * turn[i])
-    return 0.5 * work, 0.5 * spread
 
 
 def _comes_off(previous: Shape, shape: Shape) -> bool:

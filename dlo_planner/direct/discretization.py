@@ -102,6 +102,7 @@ class Memory(Value):
     tangents: Floats       # the same
     of: Surroundings | None = field(default=None, compare=False)  # None: not known, as of a file
     set_error: float = 0.0  # m, how far nodes may be off by what earlier steps did to the set
+    hinge: float = -1.0      # m, arc length where a step has left a plastic hinge; < 0: nowhere
     original_set: tuple[Floats, Floats] | None = field(default=None, compare=False)
     # s, plastic, where that was made on another mesh
 
@@ -177,6 +178,7 @@ class Memory(Value):
         """Return its arrays by the names that they have in files."""
         points = {f'point_{name}': array for name, array in self.points._asdict().items()}
         return {'s': self.s, 'set': self.plastic, 'set_error': self.set_error,
+                'hinge': self.hinge,
                 'lost': self.dissipated, 'hold': self.hold,
                 'node_force': self.node_force, **points, 'positions': self.positions,
                 'tangents': self.tangents}
@@ -201,7 +203,8 @@ class Memory(Value):
                    _filed(arrays, 'hold', (min(np.size(arrays.get('hold', ())), 6),)),
                    _filed(arrays, 'node_force', (bodies, s.size)), points,
                    _filed(arrays, 'positions', ends), _filed(arrays, 'tangents', ends),
-                   set_error=float(_filed(arrays, 'set_error', (), 0.0)))
+                   set_error=float(_filed(arrays, 'set_error', (), 0.0)),
+                   hinge=float(_filed({'hinge': -1.0, **arrays}, 'hinge', (), -1.0, length)))
 
 
 def _filed(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], lowest: float = -np.inf,
@@ -302,6 +305,21 @@ class Discretization(Value):
         return type(self), tuple(getattr(self, name) for name in self._PARTS)
 
     # ---- the Problem ----------------------------------------------------------------------------
+
+    @cached_property
+    def bending_back(self) -> float:
+        """Elastic energy in J below which the DLO bends by less than a right angle in all.
+
+        The square of all that it bends since its stress-free shape is at most twice the energy
+        times its compliance (Schwarz's inequality). 0 where it may be bent without: for good, or by
+        nature.
+        """
+        if self.yields:
+            return 0.0
+        lengths = np.diff(self.s)
+        natural = float(lengths @ np.hypot(*self.natural[:, 1:].T))
+        compliance = float(lengths @ (1.0 / self.free.stiffness[:, 1:].min(axis=1)))
+        return 0.5 * max(0.5 * np.pi - natural, 0.0) ** 2 / compliance
 
     @cached_property
     def full(self) -> Problem:

@@ -342,6 +342,11 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
                 end = control.now
             return control.run(reached if end.place == reached[-1].place else [*reached, end],
                                status, _reason(status, stepper, control.now, after.place))
+    passed = next((instant for instant in reached if instant.passed), None)
+    if passed is not None:
+        return control.run(reached, 'self-passage', 'the DLO passes through itself before '
+                           f'{passed.place * stepper.dt:.6g} s: nothing holds its pieces off each '
+                           'other, and what comes later is no motion of this DLO')
     return control.run(reached)
 
 

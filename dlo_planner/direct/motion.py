@@ -18,7 +18,7 @@ from dlo_planner.model.checks import choice, estimate, figure, items, results, s
 from dlo_planner.model.value import Constant, brief, freeze, put
 from dlo_planner.pictured import Filmed
 
-STATUSES = ('complete', 'unsolved', 'energy')
+STATUSES = ('complete', 'unsolved', 'energy', 'self-passage')
 _ARRAYS = ('times', 'velocities', 'kinetic_energy', 'potential_energy', 'work', 'losses')
 _FIGURES = ('tolerance', 'status', 'message')
 
@@ -67,7 +67,8 @@ class Motion(Filmed):
         The tolerance that was asked for, m.
     status : str
         'complete'; 'unsolved': a step could not be solved; 'energy': a step gained energy, however
-        short it was made.
+        short it was made; 'self-passage': the motion has come to its end, but on the way the DLO
+        passed through itself (the shapes from there on say so).
     message : str
         Why the motion is not complete, and when; else ''.
     """

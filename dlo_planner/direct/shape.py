@@ -17,7 +17,7 @@ from dlo_planner.direct.discretization import Discretization, Memory, mapped
 from dlo_planner.direct.modes import MOST_MODES, SPARE, Linearized, Modes, continued, modes_of
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.errors import InvalidTask
-from dlo_planner.geometry.kinematics import frame_along, positions_along
+from dlo_planner.geometry.kinematics import folded, frame_along, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import (
@@ -123,13 +123,15 @@ class State(Value):
     estimate: Callable[[], float] = field(default=_NOT_KNOWN, compare=False)  # m, `error_estimate`
     culled: bool = field(default=False, compare=False)  # found without what may act, which does not
     kicks: int = field(default=0, compare=False)  # how often the search for it left a saddle
+    overspent: float = field(default=0.0, compare=False)  # J, see `balance.overspent`
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Discretization):  # else a simulator made it
             instance('State.mesh', self.mesh, Discretization, optional=True)
             for name in ('history', 'before'):
                 instance(f'State.{name}', getattr(self, name), Memory, optional=True)
-            put(self, kicks=integer('State.kicks', self.kicks, minimum=0, maximum=10**12))
+            put(self, kicks=integer('State.kicks', self.kicks, minimum=0, maximum=10**12),
+                overspent=figure('State.overspent', self.overspent))
             if not callable(self.estimate):
                 raise InvalidTask(f'State.estimate = {shown(self.estimate)}: expected a function')
 
@@ -226,6 +228,12 @@ class Shape(Pictured):
         Energy lost to plastic deformation so far, J.
     parts : tuple or None
         The two Shapes of a DLO grasped inside (`GraspedInside`), else None.
+    passed_itself : bool or float
+        Whether the DLO would pass through itself on the way from the shape before, straight seen
+        from the gripper; of a motion, since it began. Nothing holds its pieces off each other: a
+        shape that is beyond such a passage is none that a DLO comes to. nan where that is not
+        known: of a fall, whose way nobody knows, unless both ends are clamped or in a sleeve. Then
+        twist and writhe tell, as no way changes their sum but through itself.
     state : State
         What it leaves to the next step, besides what is listed above; opaque.
     """
@@ -251,6 +259,7 @@ class Shape(Pictured):
     dissipated: float = 0.0
     parts: tuple[Shape, ...] | None = None
     state: State = field(default=UNKNOWN, metadata={'opaque': True})
+    passed_itself: bool | float = False
 
     _REMEMBERED = ('error_estimate',)
 
@@ -260,14 +269,15 @@ class Shape(Pictured):
                  converged: bool, jumped: bool = False, contacts: tuple[Contact, ...] = (),
                  evaluations: int = 0, violation: float = 0.0, far_end: FarEnd | None = None,
                  far_wrench: Floats = NO_WRENCH, dissipated: float = 0.0,
-                 parts: tuple[Shape, ...] | None = None, state: State = UNKNOWN) -> None:
+                 parts: tuple[Shape, ...] | None = None, state: State = UNKNOWN,
+                 passed_itself: bool | float = False) -> None:
         # written out: what a dataclass writes sets field by field, which takes as long as a step
         put(self, gripper=gripper, s=s, positions=positions, frames=frames,
             element_strains=element_strains, energy=energy, elastic_energy=elastic_energy,
             gripper_wrench=gripper_wrench, residual=residual, stability=stability,
             iterations=iterations, converged=converged, jumped=jumped, contacts=contacts,
             evaluations=evaluations, violation=violation, far_end=far_end, far_wrench=far_wrench,
-            dissipated=dissipated, parts=parts, state=state)
+            dissipated=dissipated, parts=parts, state=state, passed_itself=passed_itself)
         if getattr(state, 'mesh', None) is None:  # else a simulator made it
             self._judge()
         for name in _ARRAYS:
@@ -295,6 +305,8 @@ class Shape(Pictured):
             **{name: flag(f'Shape.{name}', getattr(self, name))
                for name in ('converged', 'jumped')})
         instance('Shape.far_end', self.far_end, FarEnd, optional=True)
+        if not (isinstance(self.passed_itself, float) and np.isnan(self.passed_itself)):
+            put(self, passed_itself=flag('Shape.passed_itself', self.passed_itself))
         instance('Shape.state', self.state, State)
         if self.parts is not None:
             put(self, parts=items('Shape.parts', self.parts, Shape, least=2))
@@ -308,7 +320,8 @@ class Shape(Pictured):
                      f'stability {self.stability:.2g}',
                      f'error {self.error_estimate:.1g} m' if cheap else '',
                      f'{len(self.contacts)} contacts' if self.contacts else '',
-                     'lies in itself' if self.lies_in_itself else '')
+                     'lies in itself' if self.lies_in_itself is True else '',
+                     self._passage_in_words)
 
     @property
     def nearly(self) -> bool:
@@ -317,7 +330,7 @@ class Shape(Pictured):
         It is stable, keeps all constraints, and its residual is below 1e-4.
         """
         return bool(not self.converged and not self.jumped and self.hinge is None
-                    and self.residual < _NEARLY
+                    and not self.impossible and self.residual < _NEARLY
                     and self.stability > -_STABLE and self.violation <= _KEPT * self.s[-1]
                     and self._within_reach)
 
@@ -325,7 +338,8 @@ class Shape(Pictured):
     def status(self) -> str:
         """How the computation ended, in words: 'converged', 'nearly converged', or why not.
 
-        With 'jumped', 'lies in itself' and 'plastic hinge' where it did, does and has one.
+        With 'jumped', 'passed through itself' ('may have passed through itself' where that is
+        not known), 'lies in itself' and 'plastic hinge' where it did, does and has one.
         """
         if self.far_end is not None and not self._within_reach:
             return (f'out of reach: the far end is held {distance(self.far_end, self.gripper):.9g} '
@@ -333,16 +347,43 @@ class Shape(Pictured):
         figures = (f'residual {self.residual:.2g}, stability {self.stability:.2g}, '
                    f'violation {self.violation:.2g} m')
         if self.converged:
+            passage = self._passage_in_words
             return ('converged' + (', jumped' if self.jumped else '')
-                    + (', lies in itself' if self.lies_in_itself else '')
+                    + (f', {passage}' if passage else '')
+                    + (', lies in itself' if self.lies_in_itself is True else '')
                     + (f', {self._hinge_in_words}' if self.hinge is not None else ''))
         if self.hinge is not None:
             return f'not converged: {self._hinge_in_words}'
         if self.nearly:
             return f'nearly converged: {figures}'
-        cause = self._cause()
+        cause = self.impossible or self._cause()
         return (f'not converged{", jumped" if self.jumped else ""}: {figures}'
                 + (f'; {cause}' if cause else ''))
+
+    @property
+    def _passage_in_words(self) -> str:
+        if self.passed_itself is False:
+            return ''
+        return 'passed through itself' if self.passed_itself is True else (
+            'may have passed through itself')
+
+    @property
+    def not_looked_at(self) -> tuple[str, ...]:
+        """Names of the figures that are nan: what they tell is not known."""
+        names = 'bend_margin', 'self_distance', 'lies_in_itself', 'passed_itself'
+        return tuple(name for name in names if np.isnan(getattr(self, name)))
+
+    @property
+    def impossible(self) -> str:
+        """Return in words why no DLO can be in it, whatever its residual is; else ''."""
+        if self.state.overspent > 0.0:
+            return (f'its step lost {self.state.overspent:.2g} J more to plastic deformation than '
+                    'it was given')
+        mesh = self.state.mesh
+        if mesh is not None and folded(self._kernel_arrays[0], self._kernel_arrays[1],
+                                       mesh.free.natural):
+            return 'an element is bent by more than half a turn'
+        return ''
 
     def _cause(self) -> str:
         """Return in words why no equilibrium was found, or '' where that is not known."""
@@ -360,14 +401,18 @@ class Shape(Pictured):
         """Arc length in m of a plastic hinge, one element that bends alone; None if there is none.
 
         Without `Rod.hardening` a moment beyond what the section bears bends one element, the
-        sharper the shorter it is: strains there mean nothing. With an accuracy that is no
-        `converged` shape, on elements of a given number `error_estimate` tells what it does.
+        sharper the shorter it is: strains there mean nothing, and no mesh is fine enough. On none
+        that is a `converged` shape, nor what follows it, and `error_estimate` is infinite.
         """
-        found = self._hinge
+        history = self.state.history
+        if history is not None and history.hinge >= 0.0:
+            return history.hinge
+        found = self.outlier
         return None if found is None else float(0.5 * self.s[found[0]:found[0] + 2].sum())
 
     @property
-    def _hinge(self) -> tuple[int, float] | None:
+    def outlier(self) -> tuple[int, float] | None:
+        """Element strained far beyond all beside it, and its strain in yield limits; or None."""
         mesh = self.state.mesh
         if mesh is None or not mesh.yields:
             return None
@@ -375,10 +420,10 @@ class Shape(Pictured):
 
     @property
     def _hinge_in_words(self) -> str:
-        assert self._hinge is not None  # asked for where there is one
-        return (f'plastic hinge at s = {self.hinge:.4g} m, one element is strained '
-                f'{self._hinge[1]:.3g} times its yield limit, a shorter one would be further: '
-                'more moment than the section bears without hardening (Rod.hardening)')
+        strained = '' if self.outlier is None else (
+            f'one element is strained {self.outlier[1]:.3g} times its yield limit, ')
+        return (f'plastic hinge at s = {self.hinge:.4g} m, {strained}a shorter one would be '
+                'further: more moment than the section bears without hardening (Rod.hardening)')
 
     @property
     def _within_reach(self) -> bool:
@@ -396,6 +441,8 @@ class Shape(Pictured):
         nothing is known here, see `Motion.error_estimate`.
         """
         history = self.state.history
+        if history is not None and history.hinge >= 0.0:
+            return np.inf
         return max(self.state.estimate(), 0.0 if history is None else history.set_error)
 
     def resample(self, n_elements: int) -> Shape:
@@ -552,12 +599,13 @@ class Shape(Pictured):
         return self._near_itself[0]
 
     @property
-    def lies_in_itself(self) -> bool:
+    def lies_in_itself(self) -> bool | float:
         """Whether two of its pieces, no neighbours, are nearer than their radii.
 
-        By the least half size of a rectangular section; False where `self_distance` is nan.
+        By the least half size of a rectangular section; nan where `self_distance` is.
         """
-        return self._near_itself[1] < 0
+        gap = self._near_itself[1]
+        return np.nan if np.isnan(gap) else gap < 0
 
     @cached_property
     def _near_itself(self) -> tuple[float, float]:
@@ -707,6 +755,8 @@ def _radii_of(shape: Shape) -> Floats | None:
 _FAR_BEYOND = 10.0  # yield limits: a section that is strained as far bears what it can
 _ALONE = 5.0        # times as far as the elements beside it
 _FEW = 5            # elements: too few to tell
+_WELL_BEYOND = 3.0  # yield limits: less is borne by 3 % less than the limit moment, and is no hinge
+_SHARPER = 1.35     # times as far on halved elements: between 1.1 of coarse ones and sqrt(2)
 
 
 def _hinge(rod: Rod, bent: Floats) -> tuple[int, float] | None:
@@ -717,15 +767,42 @@ def _hinge(rod: Rod, bent: Floats) -> tuple[int, float] | None:
     """
     if rod.hardening > 0 or len(bent) < _FEW:
         return None
-    curved: Any = rod.yield_curvature or (np.inf, np.inf)  # a pair, whatever was given
-    shares = np.abs(bent) / (rod.yield_torsion or np.inf, *curved)
-    for share in (shares[:, 0], np.hypot(shares[:, 1], shares[:, 2])):
+    for share in _yield_shares(rod, bent):
         at = int(share.argmax())
         beside = max(share[max(at - 2, 0):max(at - 1, 0)].max(initial=0.0),
                      share[at + 2:at + 3].max(initial=0.0))
         if share[at] > _FAR_BEYOND and share[at] > _ALONE * beside:
             return at, float(share[at])
     return None
+
+
+def hinge_of(shape: Shape, finer: Shape | None) -> float | None:
+    """Return the arc length in m of the plastic hinge that a step has made; None if it made none.
+
+    `finer` is the same with every element halved, None if there is none. What yields and bears is
+    strained as far there, to the error of its elements; a hinge twice as far, as all of it is in
+    one of the halves, and at the least moment that makes one sqrt(2) times: curvature is there by
+    one over the root of the distance. This tells a hinge on coarse elements, and under a series;
+    on fine ones it stands out.
+    """
+    rod = shape.state.made_on.rod
+    if rod.hardening > 0:
+        return None
+    if finer is not None:
+        pair = (_yield_shares(rod, one.element_strains - one.state.made_on.natural)
+                for one in (shape, finer))
+        for share, other in zip(*pair, strict=True):
+            if other.max() > max(_WELL_BEYOND, _SHARPER * share.max()):
+                at = int(other.argmax())
+                return float(0.5 * finer.s[at:at + 2].sum())
+    return shape.hinge
+
+
+def _yield_shares(rod: Rod, bent: Floats) -> tuple[Floats, Floats]:
+    """Return torsions and curvatures (N,) in yield limits, of strains (N, 3) since the natural."""
+    curved: Any = rod.yield_curvature or (np.inf, np.inf)  # a pair, whatever was given
+    shares = np.abs(bent) / (rod.yield_torsion or np.inf, *curved)
+    return shares[:, 0], np.hypot(shares[:, 1], shares[:, 2])
 
 
 def check_movable(surroundings: Surroundings) -> None:
@@ -803,6 +880,7 @@ def pack(shape: Shape) -> dict[str, Any]:
     """Return a tree (see `direct.storage`) of all of a Shape but the rod and its surroundings."""
     packed = {name: getattr(shape, name) for name in _ARRAYS + _NUMBERS}
     packed['gripper'] = pose_row(shape.gripper)
+    packed['passed_itself'] = float(shape.passed_itself)
     packed['error_estimate'] = shape.error_estimate
     if shape.far_end is not None:
         packed |= {'far_end': pose_row(shape.far_end.pose), 'far_grip': shape.far_end.grip}
@@ -824,6 +902,8 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     history = Memory.unpacked(past, float(stored['s'][-1])) if past else None
     values = {name: stored[name] for name in _ARRAYS}
     values |= {name: stored[name].item() for name in _NUMBERS}
+    passed = float(stored.get('passed_itself', 0.0))  # 1, 0, or nan
     return Shape(gripper=pose_of_row(stored['gripper']), contacts=contacts, far_end=far_end,
+                 passed_itself=bool(passed) if passed in (0.0, 1.0) else np.nan,
                  state=State(history=history, estimate=Constant(float(stored['error_estimate']))),
                  **values)

@@ -49,6 +49,7 @@ from dlo_planner.direct.statics import acts_at, reach_of, shape_from
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
 from dlo_planner.energy.problem import Problem
+from dlo_planner.geometry.self_passage import first_passage
 from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.convergence import accept_by_decrement
 from dlo_planner.minimize.solve import Solution
@@ -118,11 +119,13 @@ class TimePoint:
     how: SchemeCoefficients   # of the step there
     begun: Memory             # what the motion began with
     given: Shape | None = None
+    passed: bool = False      # whether the DLO has passed through itself since the motion began
 
     @cached_property
     def shape(self) -> Shape:
         """The Shape: made when it is asked for, which takes longer than to find it."""
-        return self.given or self._shape()
+        shape = self.given or self._shape()
+        return replace(shape, passed_itself=True) if self.passed else shape
 
     @property
     def positions(self) -> Floats:
@@ -279,8 +282,9 @@ class Stepper:
 
         def instant(row: int) -> TimePoint:
             return TimePoint(float(where[row]), Row.of(buffer, row), self, free, how,
-                             now.begun)
+                             now.begun, passed=now.passed or row > passed)
 
+        passed = self._passed(buffer, last, end)
         where = np.concatenate([np.full(PAST, np.nan), [now.place], places])
         kept = [instant(row) for row in range(PAST + 1, last + 1)
                 if where[row] == np.rint(where[row])]
@@ -293,6 +297,16 @@ class Stepper:
             [(float(buffer.times[row]), nodes[row].copy()) for row in (last - 2, last - 1)],
             nodes[PAST + 1:last + 1, self.watched], budget,
             instant(end) if end > last else None)
+
+    def _passed(self, buffer: StepBuffer, last: int, end: int) -> int:
+        """Return the row after which the DLO passes through itself; `end` if not until `last`."""
+        mesh, rows = self.discretization, slice(PAST, last + 1)
+        if buffer.energies[rows, ELASTIC].max() > mesh.bending_back:
+            steps = first_passage(mesh.free.lengths, buffer.bends[0, rows].copy(),
+                                  buffer.frames[rows, 0].copy(), buffer.nodes[0, rows].copy())
+            if steps >= 0:
+                return PAST + int(steps)
+        return end
 
     def _integrated(self, system: Problem, how: SchemeCoefficients, buffer: StepBuffer,
                     budget: Floats, options: StepOptions, guess: Floats) -> int:

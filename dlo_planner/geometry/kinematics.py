@@ -36,6 +36,7 @@ from dlo_planner.model.arrays import Bools, Floats, Ints
 
 
 NOTHING = (0.0, 0.0, 0.0)
+_HALF_TURN = np.pi  # rad
 
 
 class OffNodeLoads(Record):
@@ -57,6 +58,25 @@ class OffNodeLoads(Record):
     node_moment: Floats
     node_first: Floats
     node_matrix: Floats
+
+
+@kernel
+def folded(lengths: Floats, strains: Floats, natural: Floats) -> bool:
+    """Return whether any element is bent by more than half a turn: a curve of arcs tells no more.
+
+    What it is by nature does not count, as of a coil, nor does torsion: an element is an exact
+    helix, however far it twists.
+
+    Args:
+        lengths: (N,) m; strains, natural: (N, 3) 1/m
+    """
+    most = 0.0
+    for e in range(lengths.size):
+        one, other = strains[e, 1] - natural[e, 1], strains[e, 2] - natural[e, 2]
+        square = lengths[e] * lengths[e] * (one * one + other * other)
+        if not square <= most:  # what is not a number has to be seen, too
+            most = square
+    return not most <= _HALF_TURN * _HALF_TURN
 
 
 @kernel

@@ -28,7 +28,12 @@ from dlo_planner.energy.problem import (
 )
 from dlo_planner.energy.scene import SHEET, translated
 from dlo_planner.energy.terms import forbids, row_count
-from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
+from dlo_planner.geometry.kinematics import (
+    folded,
+    forward_kinematics,
+    part_of_element,
+    point_inside,
+)
 from dlo_planner.geometry.record import copy, put_sum, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.active_set import free_to_roll, rolled_to
@@ -355,6 +360,10 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
         move_multipliers(hold, part, reaction)
         gone += part * reaction
         place(loaded, state)
+        # The tangent of an element that has yielded is zero but for rounding errors: a step along
+        # it may be of any length, and no law of contact tells, for the element bears all the same.
+        if folded(loaded.lengths, state.strains, loaded.natural):
+            break
     move_multipliers(hold, -1.0, gone)
     return False, state, np.inf, np.inf, system, hessian, age, steps + 1 if afar else _STEPS
 

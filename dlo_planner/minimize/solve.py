@@ -26,7 +26,7 @@ from dlo_planner.energy.problem import (
 from dlo_planner.energy.scene import translated
 from dlo_planner.energy.terms import KKTBorder, may_act, potential, stored
 from dlo_planner.geometry.basis import truncation_error
-from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.geometry.kinematics import folded, point_inside
 from dlo_planner.geometry.record import Record, copy, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_solver import COARSER, predictor_corrector, solve_contact
@@ -65,7 +65,7 @@ class Solution(NamedTuple):
     lost: float        # J, to plastic deformation in the step
     missed: float      # m, by the far end
     inside: float      # m, how deep the gripper holds the axis in an obstacle
-    stationary: bool
+    stationary: bool   # the gradient vanishes, and no element is folded
     residual: float
     stability: float
     iterations: int
@@ -269,7 +269,8 @@ def outcome(system: Problem, state: Configuration, origin: Floats, residual: flo
     # copies: what a Shape has is no array of a search
     return (state.strains.copy(), state.rotations.copy(), positions, wrench, far_wrench, hold,
             plastic, forces, contacts, elastic + springs, energy + springs, lost, missed, inside,
-            is_stationary(system, state, residual, rounding))
+            is_stationary(system, state, residual, rounding)
+            and not folded(system.lengths, state.strains, system.natural))
 
 
 @kernel
@@ -478,6 +479,8 @@ def solve_free(system: Problem, rods: RodTable, rod_of: Ints, bases: Floats, ori
         copy(state.positions, found.positions[k])
         for node in range(state.rotations.shape[0]):
             copy(state.rotations[node], found.rotations[k, node])
+        if folded(system.lengths, state.strains, system.natural):
+            residual = np.inf
         found.proofs[k, 0], found.proofs[k, 1] = residual, stability
         found.proofs[k, 2] = truncation_error(system.lengths, state.strains, system.natural,
                                               system.scale, system.basis)

@@ -17,7 +17,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.checks import Judge, utilization, violated
-from dlo_planner.plan.continuity import SAME, apart, discontinuity, same
+from dlo_planner.plan.continuity import SAME, apart, discontinuity, passes_itself, same
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import (
     Plan,
@@ -83,6 +83,10 @@ class PlanBuilder:
 
     def add(self, waypoint: Waypoint) -> None:
         """Take the next Waypoint; raises Infeasible if it breaks a demand."""
+        if self.last is not None and passes_itself(self._demands.simulator, self.last,
+                                                   waypoint.shape):
+            raise self.refusal('self_passage', 1.0, 'on the way there the DLO would pass through '
+                               'itself: nothing holds its pieces off each other', '')
         margins = list(self._demands.margins(waypoint))
         broken = violated(margins)
         if broken is not None:

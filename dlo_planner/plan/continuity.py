@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from dlo_planner.direct.continuation import shape_change
+from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
@@ -69,6 +70,20 @@ def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape
             return None
         reached = simulator.track([shape.gripper], initial=before)[0]
     return None if reached.converged and not reached.jumped and same(reached, shape) else reached
+
+
+def passes_itself(simulator: DirectSimulator | None, before: Shape, shape: Shape) -> bool:
+    """Return whether the DLO would pass through itself on the way from a Shape to the next.
+
+    Where the straight way of its nodes does, a direct simulation of shorter ways decides; without
+    one, or of a part of the DLO, the straight way.
+    """
+    if passed_between(before, shape, False) is False:
+        return False
+    if simulator is None or any(one.s[-1] != simulator.rod.length for one in (before, shape)):
+        return True
+    reached = simulator.track([shape.gripper], initial=before, far_ends=[shape.far_end])[0]
+    return not (reached.converged and reached.passed_itself is False)
 
 
 def _follows(before: Shape, shape: Shape, change: float) -> bool:

@@ -18,7 +18,7 @@ from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.rod import Surface, before
 from dlo_planner.plan.checks import Judge, Margin, motion_margins, violated
 from dlo_planner.plan.clearance import Bodies
-from dlo_planner.plan.continuity import apart
+from dlo_planner.plan.continuity import apart, passes_itself
 from dlo_planner.plan.goals import DirectionAt, PositionAt
 from dlo_planner.plan.path import GripperPath, held_after
 from dlo_planner.plan.plan import Plan, means_to_touch
@@ -151,7 +151,7 @@ class _Replay:
         if trajectory is None and self.limits is not None:
             trajectory, refused = self._trajectory(self.limits, shapes[0])
             if refused:
-                figures['reason'] = refused
+                figures.setdefault('reason', refused)
         if trajectory is not None:
             try:
                 motion = self._in_motion(trajectory, shapes[0], touched=not refused)
@@ -282,8 +282,10 @@ def _figures_at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Sh
             elif isinstance(goal, DirectionAt):  # the difference of two unit vectors
                 angles.append(2 * np.arcsin(min(0.5 * missed, 1.0)))
     deviation = max(apart(*pair) for pair in zip(shapes, plan.shapes, strict=True))
+    passed = _passage(shapes)
     return {
-        'converged': all(shape.converged and not shape.jumped for shape in shapes)
+        **({'reason': passed} if passed else {}),
+        'converged': not passed and all(shape.converged and not shape.jumped for shape in shapes)
         and bool(deviation <= _AS_PLANNED * simulator.rod.length),
         'position_error': _worst(errors), 'misalignment': _worst(angles),
         'residual': max(shape.residual for shape in shapes),
@@ -297,6 +299,15 @@ def _figures_at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Sh
             key=lambda force: (np.isnan(force), force), default=np.nan),
         'clearance': Bodies(plan.sheets, obstacles, Surface.of(simulator.rod)).least(shapes),
         'deviation': deviation}
+
+
+def _passage(shapes: Sequence[Shape]) -> str:
+    """Return in words where a DLO that goes slowly through Shapes passes through itself, or ''."""
+    for k, shape in enumerate(shapes):
+        if shape.passed_itself is True or k > 0 and shapes[k - 1].s[-1] != shape.s[-1] and (
+                passes_itself(None, shapes[k - 1], shape)):
+            return f'on the way to waypoint {k} the DLO passes through itself'
+    return ''
 
 
 def _worst(values: Iterable[float]) -> float:

@@ -72,7 +72,8 @@ def test_what_is_not_known_is_nan(tmp_path):
     shape = bent(1.0, (0.0, 7.0))
     shape.save(tmp_path / 'shape.npz')
     loaded = Shape.load(tmp_path / 'shape.npz')
-    assert np.isnan(loaded.self_distance) and not loaded.lies_in_itself
+    assert np.isnan(loaded.self_distance) and np.isnan(loaded.lies_in_itself)
+    assert 'lies_in_itself' in loaded.not_looked_at and 'itself' not in loaded.status
 
 
 def test_one_grasped_inside_is_looked_at_as_a_whole():

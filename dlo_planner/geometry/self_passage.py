@@ -1,0 +1,197 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a curve passes through itself on the straight way of its nodes from here to there.
+
+Two chords that move so are in one plane where a cubic of the way is zero; where they meet there,
+one passes through the other. What turns by no more than a right angle before and after cannot: all
+its points go on in the direction in which it begins, so do those of all shapes between.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
+
+_RIGHT = 0.5 * np.pi
+_TOUCHES = 1e-9   # of the length: strands in one plane are as near, by rounding, all the time
+_BESIDE = 1e-9    # of a chord: so far beyond its ends it is met, lest a node slips between two
+_BISECTIONS = 60  # of a part of the way in which the cubic changes its sign once
+
+
+@kernel
+def turning(lengths: Floats, strains: Floats) -> float:
+    """Return by how much a curve bends in all, rad; lengths (N,) m, strains (N, 3) 1/m."""
+    turn = 0.0
+    for e in range(lengths.size):
+        turn += lengths[e] * np.hypot(strains[e, 1], strains[e, 2])
+    return turn
+
+
+@kernel
+def bends_back(lengths: Floats, before: Floats, after: Floats) -> bool:
+    """Return whether a curve bends by more than a right angle before or after a step.
+
+    Args:
+        lengths: (N,) m; before, after: (N, 3) strains, 1/m
+    """
+    return max(turning(lengths, before), turning(lengths, after)) > _RIGHT
+
+
+@kernel
+def passes_itself(before: Floats, after: Floats) -> bool:
+    """Return whether the polygon through nodes (N + 1, 3) passes through itself between two places.
+
+    Both are seen from where the curve is held: each node goes straight.
+    """
+    n = before.shape[0] - 1
+    length = longest = farthest = 0.0
+    for e in range(n):
+        one, other = np.sqrt(_square(before, e, e + 1)), np.sqrt(_square(after, e, e + 1))
+        length, longest = length + one, max(longest, one, other)
+    for k in range(n + 1):
+        way = 0.0
+        for i in range(3):
+            way += (after[k, i] - before[k, i]) ** 2
+        farthest = max(farthest, np.sqrt(way))
+    reach = 2.0 * farthest + longest  # middles that are farther apart before do not meet
+    for i in range(n - 2):
+        j = i + 2
+        while j < n:
+            square = 0.0
+            for k in range(3):
+                away = 0.5 * (before[i, k] + before[i + 1, k] - before[j, k] - before[j + 1, k])
+                square += away * away
+            far = np.sqrt(square) - reach
+            if far > longest:  # so many chords on it is no nearer than that
+                j += max(1, int(far / longest))
+                continue
+            if far <= 0.0 and _pass(before, after, i, j, _TOUCHES * length):
+                return True
+            j += 1
+    return False
+
+
+@kernel
+def first_passage(lengths: Floats, strains: Floats, frames: Floats, positions: Floats) -> int:
+    """Return after which of n shapes in a row a curve first passes through itself; -1: after none.
+
+    Args:
+        lengths: (N,) m; strains: (n, N, 3) 1/m; frames: (n, 3, 3) of the first node;
+        positions: (n, N + 1, 3) m
+    """
+    n = strains.shape[0]
+    before = np.empty((positions.shape[1], 3))
+    after = np.empty_like(before)
+    for k in range(n):
+        before[:] = after
+        for m in range(after.shape[0]):
+            for i in range(3):
+                after[m, i] = 0.0
+                for j in range(3):
+                    after[m, i] += (positions[k, m, j] - positions[k, 0, j]) * frames[k, j, i]
+        if k > 0 and bends_back(lengths, strains[k - 1], strains[k]) and passes_itself(
+                before, after):
+            return k - 1
+    return -1
+
+
+@kernel
+def _square(points, k, m):
+    """Return the squared distance of two points."""
+    square = 0.0
+    for i in range(3):
+        square += (points[k, i] - points[m, i]) ** 2
+    return square
+
+
+@kernel
+def _pass(before, after, i, j, touches):
+    """Whether chord j passes through chord i."""
+    c = np.empty(4)
+    _cubic(before, after, i, j, c)
+    bounds = np.zeros(4)  # parts of the way in which the cubic is monotonic
+    count = 1
+    a, b = 3.0 * c[3], 2.0 * c[2]
+    roots = b * b - 4.0 * a * c[1]
+    if abs(a) > 0.0 and roots > 0.0:
+        q = -0.5 * (b + (np.sqrt(roots) if b >= 0.0 else -np.sqrt(roots)))
+        first, second = q / a, (c[1] / q if q != 0.0 else 0.0)
+        for t in (min(first, second), max(first, second)):
+            if 0.0 < t < 1.0:
+                bounds[count] = t
+                count += 1
+    elif a == 0.0 and b != 0.0 and 0.0 < -c[1] / b < 1.0:
+        bounds[count] = -c[1] / b
+        count += 1
+    bounds[count] = 1.0
+    for part in range(count):
+        low, high = bounds[part], bounds[part + 1]
+        begin, end = _value(c, low), _value(c, high)
+        if (begin > 0.0) == (end > 0.0):
+            continue
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            if (_value(c, middle) > 0.0) == (begin > 0.0):
+                low = middle
+            else:
+                high = middle
+        if _meet(before, after, i, j, 0.5 * (low + high), c, touches):
+            return True
+    return False
+
+
+@kernel
+def _value(c, t):
+    """Return the value of a cubic."""
+    return c[0] + t * (c[1] + t * (c[2] + t * c[3]))
+
+
+@kernel
+def _cubic(before, after, i, j, out):
+    """Fill (4,) the coefficients, by the part of the way, of six times the chords' volume."""
+    u, v, w = np.empty((2, 3)), np.empty((2, 3)), np.empty((2, 3))
+    for k in range(3):
+        u[0, k], v[0, k] = before[i + 1, k] - before[i, k], before[j + 1, k] - before[j, k]
+        w[0, k] = before[j, k] - before[i, k]
+        u[1, k] = after[i + 1, k] - after[i, k] - u[0, k]
+        v[1, k] = after[j + 1, k] - after[j, k] - v[0, k]
+        w[1, k] = after[j, k] - after[i, k] - w[0, k]
+    out[:] = 0.0
+    for p in range(2):
+        for q in range(2):
+            for r in range(2):
+                out[p + q + r] += _volume(u[p], v[q], w[r])
+
+
+@kernel
+def _volume(u, v, w):
+    """Return u x v . w."""
+    return (w[0] * (u[1] * v[2] - u[2] * v[1]) + w[1] * (u[2] * v[0] - u[0] * v[2])
+            + w[2] * (u[0] * v[1] - u[1] * v[0]))
+
+
+@kernel
+def _meet(before, after, i, j, t, c, touches):
+    """Whether two chords that are in one plane cross there, and go through it, not along it."""
+    u, v, w = np.empty(3), np.empty(3), np.empty(3)
+    uu = vv = uv = uw = vw = 0.0
+    for k in range(3):
+        start = (1.0 - t) * before[i, k] + t * after[i, k]
+        u[k] = (1.0 - t) * before[i + 1, k] + t * after[i + 1, k] - start
+        other = (1.0 - t) * before[j, k] + t * after[j, k]
+        v[k] = (1.0 - t) * before[j + 1, k] + t * after[j + 1, k] - other
+        w[k] = other - start
+        uu, vv, uv, uw, vw = (uu + u[k] * u[k], vv + v[k] * v[k], uv + u[k] * v[k],
+                              uw + u[k] * w[k], vw + v[k] * w[k])
+    across = uu * vv - uv * uv  # square of u x v
+    if not across > 1e-20 * uu * vv:
+        return False  # along each other: they slide
+    p, q = (uw * vv - vw * uv) / across, (uw * uv - vw * uu) / across
+    if not (-_BESIDE <= p <= 1.0 + _BESIDE and -_BESIDE <= q <= 1.0 + _BESIDE):
+        return False
+    farthest = 0.0  # from the plane where they meet, before or after
+    for at in (0.0, 1.0):
+        farthest = max(farthest, abs(_value(c, at)))
+    return farthest > touches * np.sqrt(across)
