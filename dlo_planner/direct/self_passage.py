@@ -13,10 +13,10 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.direct.shape import Shape, kernel_arrays
-from dlo_planner.geometry.self_passage import bends_back, passes_itself
+from dlo_planner.geometry.self_passage import bends_back, passes_between
 from dlo_planner.geometry.writhe import link
-from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import angle_between
+from dlo_planner.model.value import read_only
 
 _TURNING = 'clamped', 'sleeve'  # grips of the far end with which it turns
 _TILTS = 0.0, 1.0, -1.0  # rad: of what closes it; what swings past a grip's back passes one of them
@@ -35,32 +35,27 @@ def passed_between(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
             return np.nan
         changed = [abs(_link(shape, tilt) - _link(previous, tilt)) > 1.0 for tilt in _TILTS]
         return changed[0] if len(set(changed)) == 1 else np.nan
-    s = np.minimum(shape.s, previous.s[-1])  # parts of a DLO that goes into a bore are shorter
-    before, strains = _seen(previous, s)
-    lengths = np.diff(shape.s)
-    if not bends_back(lengths, strains, np.array(shape.element_strains)):
-        return False
+    if previous.s is shape.s or np.array_equal(previous.s, shape.s):
+        strains, positions = previous.element_strains, previous.positions
+    else:
+        # parts of a DLO that goes into a bore are shorter
+        s = np.minimum(shape.s, previous.s[-1])
+        positions = previous.positions_at(s)
+        strains = previous.element_strains[np.clip(
+            np.searchsorted(previous.s, 0.5 * (s[1:] + s[:-1])) - 1, 0, len(previous.s) - 2)]
+    lengths, one, other, *rest = map(read_only, (
+        np.diff(shape.s), strains, shape.element_strains, previous.frames[0], positions,
+        shape.frames[0], shape.positions))
     if jumped:
-        return np.nan
-    return bool(passes_itself(before, _seen(shape, shape.s)[0]))
+        return np.nan if bends_back(lengths, one, other) else False
+    frame, places, later_frame, later_places = rest
+    return bool(passes_between(lengths, one, frame, places, other, later_frame, later_places))
 
 
 def _bends_little(shape: Shape) -> bool:
     """Whether a Shape bends by less than a right angle in all, as its energy tells."""
     mesh = shape.state.mesh
     return mesh is not None and shape.elastic_energy <= mesh.bending_back
-
-
-def _seen(shape: Shape, s: Floats) -> tuple[Floats, Floats]:
-    """Return places (n, 3) at arc lengths s (n,), from the gripper; strains (n - 1, 3) between."""
-    if np.array_equal(s, shape.s):
-        places, strains = shape.positions, shape.element_strains
-    else:
-        places = shape.positions_at(s)
-        strains = shape.element_strains[np.clip(
-            np.searchsorted(shape.s, 0.5 * (s[1:] + s[:-1])) - 1, 0, len(shape.s) - 2)]
-    seen: Floats = (places - shape.positions[0]) @ shape.frames[0]
-    return np.ascontiguousarray(seen), np.array(strains)
 
 
 def _is_turned(shape: Shape) -> bool:

@@ -74,6 +74,54 @@ def passes_itself(before: Floats, after: Floats) -> bool:
 
 
 @kernel
+def passes_between(lengths: Floats, strains: Floats, frame: Floats, positions: Floats,
+                   later_strains: Floats, later_frame: Floats, later_positions: Floats) -> bool:
+    """Return whether a curve passes through itself from one shape to a later one.
+
+    Args:
+        lengths: (N,) m; strains: (N, 3) 1/m; frame: (3, 3) of the first node;
+        positions: (N + 1, 3) m, world
+    """
+    if not bends_back(lengths, strains, later_strains):
+        return False
+    before, after = np.empty(positions.shape), np.empty(positions.shape)
+    _see(frame, positions, before)
+    _see(later_frame, later_positions, after)
+    return not _goes_one_way(before, after) and passes_itself(before, after)
+
+
+@kernel
+def _see(frame, positions, seen):
+    """Fill places (N + 1, 3) as they are seen from the first node."""
+    for m in range(positions.shape[0]):
+        for i in range(3):
+            seen[m, i] = 0.0
+            for j in range(3):
+                seen[m, i] += (positions[m, j] - positions[0, j]) * frame[j, i]
+
+
+@kernel
+def _goes_one_way(before, after):
+    """Return whether all chords of two polygons go on along one direction.
+
+    So do those of all polygons between, which cannot meet themselves. The direction is that from
+    their first nodes to their last.
+    """
+    n = before.shape[0] - 1
+    x = before[n, 0] - before[0, 0] + after[n, 0] - after[0, 0]
+    y = before[n, 1] - before[0, 1] + after[n, 1] - after[0, 1]
+    z = before[n, 2] - before[0, 2] + after[n, 2] - after[0, 2]
+    for e in range(n):
+        one = (x * (before[e + 1, 0] - before[e, 0]) + y * (before[e + 1, 1] - before[e, 1])
+               + z * (before[e + 1, 2] - before[e, 2]))
+        other = (x * (after[e + 1, 0] - after[e, 0]) + y * (after[e + 1, 1] - after[e, 1])
+                 + z * (after[e + 1, 2] - after[e, 2]))
+        if not (one > 0.0 and other > 0.0):
+            return False
+    return True
+
+
+@kernel
 def first_passage(lengths: Floats, strains: Floats, frames: Floats, positions: Floats) -> int:
     """Return after which of n shapes in a row a curve first passes through itself; -1: after none.
 
@@ -81,19 +129,10 @@ def first_passage(lengths: Floats, strains: Floats, frames: Floats, positions: F
         lengths: (N,) m; strains: (n, N, 3) 1/m; frames: (n, 3, 3) of the first node;
         positions: (n, N + 1, 3) m
     """
-    n = strains.shape[0]
-    before = np.empty((positions.shape[1], 3))
-    after = np.empty_like(before)
-    for k in range(n):
-        before[:] = after
-        for m in range(after.shape[0]):
-            for i in range(3):
-                after[m, i] = 0.0
-                for j in range(3):
-                    after[m, i] += (positions[k, m, j] - positions[k, 0, j]) * frames[k, j, i]
-        if k > 0 and bends_back(lengths, strains[k - 1], strains[k]) and passes_itself(
-                before, after):
-            return k - 1
+    for k in range(strains.shape[0] - 1):
+        if passes_between(lengths, strains[k], frames[k], positions[k], strains[k + 1],
+                          frames[k + 1], positions[k + 1]):
+            return k
     return -1
 
 

@@ -142,7 +142,7 @@ def test_how_a_free_end_falls_is_not_known():
 def test_what_bends_little_is_not_looked_at(monkeypatch):
     simulator = DirectSimulator(Rod(1.0, 0.05, 0.2, 0.15))
     before = simulator.solve(LOOK((0, 0, 0), (1, 0, 0)))
-    monkeypatch.setattr(self_passage, 'bends_back', None)  # would raise
+    monkeypatch.setattr(self_passage, 'passes_between', None)  # would raise
     assert simulator.solve(LOOK((0, 0, 0.01), (1, 0, 0.02)), before).passed_itself is False
     # by its energy: an even bend by a right angle has the least that any such bend has
     mesh = before.mesh
