@@ -326,27 +326,11 @@ class Aligned(Family):
 
     def onward(self, before: Passing, depths: Floats) -> list[Passing]:
         """Return the Passings at the first of some depths (k,) that leave no doubt."""
-        mesh, shape = before.shape.state.mesh, before.shape
-        if self._nested or mesh is None:
+        if self._nested:
             return []
-        far = np.flatnonzero(~(abs(np.diff(depths, prepend=before.depth))
-                               <= LONGEST_STEP * self.simulator.rod.length))
-        depths = depths[:far[0]] if far.size else depths
-        length = mesh.s[-1]
-        steps = np.diff(depths, prepend=before.depth)
-        most, least = without_doubt(steps / length, length)
-        if not (len(depths) and shape.stability > least):
-            return []
-        s = length - depths
-        found = follow(
-            mesh, shape, _along(self.normal, shape.gripper.rotation), np.stack([s, s], axis=1),
-            self.normal, trend=before.trend(depths[0]),
-            further=[steps_ahead(last, step) for last, step in pairwise(steps.tolist())],
-            origin=shape.gripper.position - self._center, place=self._center, most=most,
-            least=least)
-        if self.simulator.accuracy is not None:
-            found = list(takewhile(lambda one: self.simulator.discretization(
-                one.shape.gripper, one.shape) is mesh, found))
+        gripper = before.shape.gripper
+        found = ahead(self.simulator, before, depths, _along(self.normal, gripper.rotation),
+                      self.normal, gripper.position - self._center, self._center)
         passings: list[Passing] = []
         for depth, one in zip(depths.tolist(), found, strict=False):
             before = Passing(one.shape, depth=depth, axes=one.axes).after(before)
@@ -357,6 +341,31 @@ class Aligned(Family):
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
         s = self.simulator.rod.length - depth
         return crossings(shapes, shapes.at(s)[1], self.normal, s)
+
+
+def ahead(simulator: DirectSimulator, before: Passing, depths: Floats, goals: GoalTable,
+          free: Floats, origin: Floats, place: Floats) -> list[Found]:
+    """Return what is found at the first of some depths (k,), without roll, that leaves no doubt.
+
+    The goals of a GoalTable are all sought at the depth, but for a ROLL; others as of `follow`.
+    """
+    mesh, shape, length = before.shape.state.mesh, before.shape, simulator.rod.length
+    steps = np.diff(depths, prepend=before.depth)
+    far = np.flatnonzero(~(abs(steps) <= LONGEST_STEP * length))
+    if far.size:
+        depths, steps = depths[:far[0]], steps[:far[0]]
+    most, least = without_doubt(steps / length, length)
+    if mesh is None or not (len(depths) and shape.stability > least):
+        return []
+    s = np.where(goals.kind == ROLL, 0.0, (length - depths)[:, None])
+    found = follow(
+        mesh, shape, goals, s, free, trend=before.trend(depths[0]),
+        further=[steps_ahead(last, step) for last, step in pairwise(steps.tolist())],
+        origin=origin, place=place, most=most, least=least)
+    if simulator.accuracy is not None:
+        found = list(takewhile(lambda one: simulator.discretization(
+            one.shape.gripper, one.shape) is mesh, found))
+    return found
 
 
 class GivenPoses(Family):
@@ -450,19 +459,42 @@ class TwoPoints(Family):
 
         The second one is of the other kind. None as well where the DLO would fall on its way there.
         """
-        length, axis = self.simulator.rod.length, self.axis(shape)
         _, place = shape.frame_at(s1 if at is None else at)
-        goals = GoalTable(
+        axis = self.axis(shape)
+        found = goal_shape(self.simulator, shape, self._goals(shape, axis, first, roll),
+                           (s1, s2, 0.0), axis, trend, shape.gripper.position - place,
+                           self._center)
+        return found if found is not None and self._is_good(shape, found) else None
+
+    def _goals(self, shape: Shape, axis: Floats, first: int = POSITION,
+               roll: float = 0.0) -> GoalTable:
+        """Return both places, the `first` of a kind, and a roll about the axis (3,)."""
+        length = self.simulator.rod.length
+        return GoalTable(
             np.array([first, THROUGH if first == POSITION else POSITION, ROLL]), np.zeros(3),
             np.array([np.zeros(3), self.chord, axis]),
             np.array([np.eye(3), np.eye(3), turned_by(roll * axis) @ shape.gripper.rotation]),
             np.array([1 / length, 1 / length, 1.0]))
-        found = goal_shape(self.simulator, shape, goals, (s1, s2, 0.0), axis, trend,
-                           shape.gripper.position - place, self._center)
-        if (found is None or found.where.max() > length * (1 + 1e-12)
-                or not found.shape.converged or fell(shape, found.shape)):
-            return None
-        return found
+
+    def _is_good(self, before: Shape, found: Found) -> bool:
+        """Whether both places are on the DLO, which did not fall on its way there."""
+        length = self.simulator.rod.length
+        return bool(found.where.max() <= length * (1 + 1e-12) and found.shape.converged
+                    and not fell(before, found.shape))
+
+    def onward(self, before: Passing, depths: Floats) -> list[Passing]:
+        """Return the Passings at the first of some depths (k,) that leave no doubt."""
+        shape, passings = before.shape, []
+        _, place = shape.frame_at(self.simulator.rod.length - float(depths[0]))
+        found = ahead(self.simulator, before, depths, self._goals(shape, self.axis(shape)),
+                      self.chord / self._apart, shape.gripper.position - place, self._center)
+        for depth, one in zip(depths.tolist(), found, strict=False):
+            if not self._is_good(before.shape, one):
+                break
+            before = Passing(one.shape, (float(min(one.where[1], one.shape.s[-1])),),
+                             depth=depth, axes=one.axes).after(before)
+            passings.append(before)
+        return passings
 
     def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
