@@ -266,6 +266,10 @@ class DirectSimulator(Value):
             return self
         return self._with(replace(self.surroundings, obstacles=()), self._history)
 
+    def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Self:
+        """Return a simulator of the same DLO, set as it is, among other obstacles."""
+        return self._with(replace(self.surroundings, obstacles=tuple(obstacles)), self._history)
+
     def with_friction(self, friction: float) -> Self:
         """Return a simulator of the same DLO, set as it is, all its obstacles with a friction."""
         obstacles = tuple(replace(one, friction=friction) for one in self.obstacles)

@@ -126,8 +126,11 @@ class LoopTask:
     def ways(self, estimate: Estimate, here: Pose, standoff: float) -> tuple[Plan, Plan]:
         """Return the way to the entry, and on from there, in true poses of the estimated DLO."""
         known, start = self.inverse, estimate.actual(here)
-        inverse = InverseSimulator(known.simulator.with_rod(estimate.rod),
-                                   workspace=known.workspace,
+        simulator = known.simulator.with_rod(estimate.rod)
+        if not self.touches:  # the obstacle that is touched stands where it is stated
+            simulator = simulator.with_obstacles(estimate.moved_obstacles(
+                simulator.obstacles, [one.center for one in cutouts_of(self.task)]))
+        inverse = InverseSimulator(simulator, workspace=known.workspace,
                                    allow_plastic=known.requirements.allow_plastic)
         if isinstance(self.task, HoldContact | SlideContact):
             return way_onto(inverse, self.task, start, standoff, self.room)

@@ -24,7 +24,7 @@ from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.settings.parameters import PARAMETERS
 
-SEEING = EstimatorConfig(SPREAD, NOISE)
+SEEING = EstimatorConfig(SPREAD, NOISE, bias=0.0, camera_rotation=0.0)  # a camera as stated
 COPPER = {'rod.diameter': 1.5e-3}
 SPRING = {'rod.section': 'stiffness', 'rod.mass_per_length': 0.05, 'rod.torsional_stiffness': 0.02,
           'rod.bending_stiffness': [0.03, 0.05]}
