@@ -114,6 +114,11 @@ class LoopTask:
         return min(rooms)
 
     @property
+    def room_at_rest(self) -> float:
+        """What of the room the DLO may miss at rest, m: the rest is kept for how it moves."""
+        return (1 - LEAST_FOR_MOTION) * self.room
+
+    @property
     def motion_limits(self) -> Limits:
         """Limits that motions are made for."""
         return Limits(*map(float, (_OF_LIMITS * self.limits.sizes).ravel()))

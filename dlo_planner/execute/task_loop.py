@@ -32,7 +32,6 @@ from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled, Feedback, Guards
 from dlo_planner.execute.loop_motions import (
     FARTHEST,
-    LEAST_FOR_MOTION,
     Calming,
     Entry,
     GripperMotion,
@@ -43,7 +42,7 @@ from dlo_planner.execute.loop_motions import (
 )
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import Correction
-from dlo_planner.identify.estimator import DloEstimator
+from dlo_planner.identify.estimator import TIMES_WIDER, DloEstimator
 from dlo_planner.identify.online_trajectory import Steered
 from dlo_planner.identify.vibration import STATED, FreeVibration
 from dlo_planner.model.pose import Pose, angle_between
@@ -291,8 +290,7 @@ class TaskLoop:
         task, estimate = self._task, self.observing.estimate
         self._done = None
         if not isinstance(done, Entry | GripperMotion):
-            most = (1 - LEAST_FOR_MOTION) * task.room
-            self._work = (partial(way_in, task, estimate, self._here, most, self._lag)
+            self._work = (partial(way_in, task, estimate, self._here, task.room_at_rest, self._lag)
                           if self._loop.at_standoff else
                           partial(way_to_standoff, task, estimate, self._here))
             return
@@ -419,27 +417,39 @@ class TaskLoop:
         if loop.phase is not Phase.STOP or before.phase is Phase.STOP:
             return
         if before.phase is Phase.LOOK:
+            hole = ('; the cut-out is seen farther off than observe.cutout allows, or it moves'
+                    if self.observing.cutout_suspect else '')
             self._end(Cause.LOOKS_DISAGREE, 'looks at the DLO do not agree with each other, or '
                       f'there are none, for {loop.patience:g} s: it swings, or touches something, '
-                      'or the robot is elsewhere than it says', time)
+                      f'or the robot is elsewhere than it says{hole}', time)
         elif loop.tries > loop.most_tries and not self._misses:
             self._end(Cause.LOOKS_DISAGREE, 'looks at the DLO do not agree with what was expected '
                       f'of it, {loop.tries} times: it slips, swings or touches something, or the '
                       'robot is elsewhere than it says', time)
         elif self._entry is not None:
             entry, moves, planned = self._entry, '', ''
+            most = f'the room of {self._task.room:.3g} m'  # what was judged
             place = 'the place that it touches' if self._task.touches else 'the center'
             bound = self.promised if self._misses else entry.bound
             if entry.motion is not None:
                 added = self._left + entry.moves
                 bound += 0.0 if self._misses else added
                 moves = f', {added:.3g} m of it by motion'
+            elif not self._misses:
+                most = f'{self._task.room_at_rest:.3g} m at rest, of {most}'
             if entry.planned > _PLANNED:
                 planned = (f'; as planned it misses by {entry.planned:.3g} m, no pose of the '
                            'gripper leads it through all centers')
             self._end(Cause.MISS_EXPECTED, f'the DLO may miss {place} by {bound:.3g} m (95 %'
-                      f'{moves}): expected at most the room of {self._task.room:.3g} m{planned}',
-                      time)
+                      f'{moves}): expected at most {most}{planned}{self._camera_reason()}', time)
+
+    def _camera_reason(self) -> str:
+        """Return in words what is wrong with the camera, '' if nothing is known to be."""
+        if not self.observing.camera_doubted:
+            return ''
+        return ('; looks do not agree with a camera that is off by no more than observe.bias and '
+                'observe.camera_rotation, so it was taken as off by '
+                f'{TIMES_WIDER:g} times as much: calibrate it, or let it see the cut-out as well')
 
     # ---- corrections ----------------------------------------------------------------------------
 

@@ -61,7 +61,7 @@ _CLOUDS = 50         # by which a vibration is told
 _NO_CHANCE = 10.0    # times the surprise that one look in 10,000 exceeds
 # of the stamps' error: what is another one in each look, of which filters and queues make some 20 ms
 _JITTER = 0.4
-_WIDER = 8.0         # times its prior: how far a camera may be off that is farther off than stated
+TIMES_WIDER = 8.0         # times its prior: how far a camera may be off that is farther off than stated
 _SELDOM = 1e-3       # part of the cameras, as stated, that are suspect: nothing is lost by it but time
 _FAR = 6.0           # deviations along an axis by which a cut-out may be seen off
 
@@ -181,8 +181,13 @@ class DloEstimator:
 
         Looks at the DLO, and those at the cut-out; or the camera is not where it is stated.
         """
-        return (max(sum(self._disagree), sum(self._holes_disagree)) >= _DOUBT
-                or _NO_CHANCE < self.surprise < np.inf or self.camera_suspect)
+        return (sum(self._disagree) >= _DOUBT or _NO_CHANCE < self.surprise < np.inf
+                or self.cutout_suspect or self.camera_suspect)
+
+    @property
+    def cutout_suspect(self) -> bool:
+        """Whether the cut-out is seen where it cannot be, or no more where it was seen before."""
+        return self._hole_moved or sum(self._holes_disagree) >= _DOUBT
 
     @property
     def camera_suspect(self) -> bool:
@@ -225,11 +230,10 @@ class DloEstimator:
         with self._lock:
             if self.estimate is not self._reopened:  # else there was no look since
                 seeing, suspect = self.seeing, self.camera_suspect or not self.estimate.looks
-                moved = sum(self._holes_disagree) >= _DOUBT
                 self._reopened = self._observer.reopened(
                     self.estimate, seeing.slip_position, seeing.slip_rotation, kink=seeing.kink,
-                    camera=_WIDER if suspect else 0.0,
-                    cutout=seeing.slip_position if moved else 0.0)
+                    camera=TIMES_WIDER if suspect else 0.0,
+                    cutout=seeing.slip_position if self.cutout_suspect else 0.0)
                 self.camera_doubted = self.camera_doubted or suspect
             self._begin(self._reopened)
             self._resting = stamp
@@ -274,6 +278,8 @@ class DloEstimator:
         self.seen = self.looked = -np.inf  # stamps, s, of the last look that agreed, and of any
         self._disagree: deque[bool] = deque(maxlen=_OF)  # whether the last looks did
         self._holes_disagree: deque[bool] = deque(maxlen=_OF)  # the same, at the cut-out
+        self._holes: deque[Floats] = deque(maxlen=_OF)  # where it was seen
+        self._hole_moved = False  # whether that is, on the mean, elsewhere than all looks tell
         self._swing, self._resting = None, -np.inf
         self._ends: list[tuple[float, ...]] = []  # off their rest, m, and the variance of each
         # where the gripper stands, the shape at rest there, the camera's error by which it is
@@ -286,7 +292,8 @@ class DloEstimator:
     def hole(self, stated: Floats, seen: Floats) -> None:
         """Take in where a cut-out's center was seen (unless `seeing.cutout` is 0).
 
-        One that is seen where it cannot be is not believed, and two of the last eight are a doubt.
+        One that is seen where it cannot be is not believed, nor is one that is no more where it was
+        seen before; two of the last eight are a doubt.
         """
         seeing = self.seeing
         if not seeing.cutout:
@@ -298,8 +305,13 @@ class DloEstimator:
             raise InvalidTask(f'the cut-out was seen {off:.3g} m from where it is stated: expected '
                               f'{most:.3g} m at most, by observe.cutout = {seeing.cutout:g} m')
         with self._lock:
-            agrees = self._observer.cutout_surprise(self.estimate, stated, seen) <= 1
+            surprise = self._observer.cutout_surprise
+            agrees = not self._holes or surprise(self.estimate, stated, seen) <= 1
+            self._holes.append(seen)
             self._holes_disagree.append(not agrees)
+            if len(self._holes) == _OF:  # what is hidden by the noise of one look
+                self._hole_moved = surprise(self.estimate, stated, np.mean(self._holes, axis=0),
+                                            seeing.noise / np.sqrt(_OF)) > 1
             if agrees:
                 self.estimate = self._observer.see_cutout(self.estimate, stated, seen)
 

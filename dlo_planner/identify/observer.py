@@ -276,7 +276,8 @@ class Observer(Value):
                          consistency=old.consistency, reference=old.reference)
         return replace(estimate, mean=mean, covariance=covariance, _memory=window)
 
-    def cutout_surprise(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike) -> float:
+    def cutout_surprise(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike,
+                        noise: float | None = None) -> float:
         """Return how far off a cut-out is seen: a chi-square by what chance hardly exceeds.
 
         Parameters
@@ -285,6 +286,8 @@ class Observer(Value):
             An Estimate of this observer.
         stated, seen : array_like, shape (3,)
             Center of the cut-out as stated and as seen, m, world axes.
+        noise : float, optional
+            Standard deviation of `seen` along each axis, m. If None, the observer's noise.
 
         Raises
         ------
@@ -293,11 +296,12 @@ class Observer(Value):
         """
         self._own(estimate)
         stated = vector('stated', stated, 3)
+        noise = self.noise if noise is None else number('noise', noise, above=0)
         window = window_of(estimate).about(stated)
         rows = self._cutout_rows(window, stated) * self.uncertain.deviations
         n = rows.shape[1]
         off = vector('seen', seen, 3) - stated - rows @ window.mean[:n]
-        spread = rows @ window.covariance[:n, :n] @ rows.T + self.noise**2 * np.eye(3)
+        spread = rows @ window.covariance[:n, :n] @ rows.T + noise**2 * np.eye(3)
         return float(off @ np.linalg.solve(spread, off)) / limit_of(off.size)
 
     def _cutout_rows(self, window: LagWindow, stated: Floats) -> Floats:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the closed loop commands and promises; what it sees and plans is handed in."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -65,6 +66,7 @@ class Seen:
         self.seeing, self.estimate = SEEING, DloEstimator(DIRECT, SEEING).estimate
         self.doubted, self.seen, self.swing, self.off = False, np.inf, 0.0, 0.0
         self.vibrations, self.since = [], []
+        self.camera_doubted = self.cutout_suspect = False
 
     def reopen(self, stamp=0.0):
         """Forget nothing."""
@@ -143,6 +145,21 @@ def test_what_a_plan_misses_by_itself_is_promised_once_and_said_where_it_is_refu
     cell.until(lambda: cell.loop.phase is Phase.STOP)
     assert cell.loop.cause is Cause.MISS_EXPECTED
     assert 'as planned it misses by 0.0002 m' in cell.loop.reason
+
+
+@pytest.mark.parametrize('share', [0.95, 1.5])
+def test_what_is_refused_exceeds_the_limit_that_is_said(ways, share):
+    cell = Cell(ways)
+    way, entry = cell.plans
+    cell.plans = [way, *[replace(entry, bound=share * task().room, motion=None)] * 3]
+    cell.seen.camera_doubted = share > 1
+    cell.until(lambda: cell.loop.phase is Phase.STOP)
+    said = re.search(r'by (\S+) m \(95 %\): expected at most (\S+) m', cell.loop.reason)
+    miss, most = map(float, said.groups())
+    assert miss == pytest.approx(share * task().room, rel=1e-2)
+    assert most == pytest.approx(task().room_at_rest, rel=1e-2)
+    assert miss > most
+    assert ('calibrate it' in cell.loop.reason) == (share > 1)
 
 
 def test_a_swing_that_is_seen_delays_and_is_promised(ways):
