@@ -42,7 +42,7 @@ from dlo_planner.execute.loop_motions import (
 )
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import Correction
-from dlo_planner.identify.estimator import TIMES_WIDER, DloEstimator
+from dlo_planner.identify.estimator import DloEstimator
 from dlo_planner.identify.online_trajectory import Steered
 from dlo_planner.identify.vibration import STATED, FreeVibration
 from dlo_planner.model.pose import Pose, angle_between
@@ -65,6 +65,7 @@ _OF_STANDOFF = 0.2  # by which a gripper may move to take a swing away
 _CALMINGS = 6       # in one look
 _CLOSELY = 1.5      # s before the entry, in which each cloud is looked at: a slip has to be seen
 _PLANNED = 1e-4     # m, by which a plan misses centers and says so
+_MUCH = 1.5         # times as far off as stated: a camera that is said to be the cause
 _UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the past
 
 
@@ -445,11 +446,11 @@ class TaskLoop:
 
     def _camera_reason(self) -> str:
         """Return in words what is wrong with the camera, '' if nothing is known to be."""
-        if not self.observing.camera_doubted:
+        scale = self.observing.estimate.camera_scale
+        if scale < _MUCH:
             return ''
-        return ('; looks do not agree with a camera that is off by no more than observe.bias and '
-                'observe.camera_rotation, so it was taken as off by '
-                f'{TIMES_WIDER:g} times as much: calibrate it, or let it see the cut-out as well')
+        return (f'; as looks tell, the camera is {scale:.2g} times as far off as observe.bias and '
+                'observe.camera_rotation state: calibrate it, or let it see the cut-out as well')
 
     # ---- corrections ----------------------------------------------------------------------------
 

@@ -390,6 +390,16 @@ class Estimate(Reported):
         return self.uncertain.camera(self.mean, np.zeros(3) if reference is None else reference)
 
     @property
+    def camera_scale(self) -> float:
+        """How many times as far off as stated the camera is taken to be, at least 1.
+
+        The most likely multiple of the deviations of its bias and of its rotation together: where
+        looks tell that one of them is farther off, what no look tells of the others is less certain
+        as well.
+        """
+        return 1.0 if self._memory is None else float(self._memory.camera_scale)
+
+    @property
     def delay(self) -> float:
         """Estimated delay of the stamps of looks, s."""
         return self.uncertain.delay(self.mean)

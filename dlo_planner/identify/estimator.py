@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -29,7 +28,7 @@ from dlo_planner.identify.observation import Observation, gripper_at
 from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.identify.residuals import point_residuals
-from dlo_planner.identify.smoother import innovation_of
+from dlo_planner.identify.smoother import WORST_CAMERA
 from dlo_planner.identify.uncertain_state import CAMERA, CameraError
 from dlo_planner.identify.vibration import STATED, FreeVibration, enough
 from dlo_planner.model.arrays import Floats
@@ -61,8 +60,6 @@ _CLOUDS = 50         # by which a vibration is told
 _NO_CHANCE = 10.0    # times the surprise that one look in 10,000 exceeds
 # of the stamps' error: what is another one in each look, of which filters and queues make some 20 ms
 _JITTER = 0.4
-TIMES_WIDER = 8.0         # times its prior: how far a camera may be off that is farther off than stated
-_SELDOM = 1e-3       # part of the cameras, as stated, that are suspect: nothing is lost by it but time
 _FAR = 6.0           # deviations along an axis by which a cut-out may be seen off
 
 
@@ -75,7 +72,7 @@ class EstimatorConfig:
     # Of the camera's constant error, along and about each axis, where something else is not stated.
     # Hand-eye calibrations of arms with depth cameras are reported to leave 1 to 3 mm and 0.05 to
     # 0.2 degrees; 1.5 mm along each axis are 2.6 mm, and 1 mrad about each are 0.1 degrees. What is
-    # farther off is found by its looks, see `DloEstimator.camera_suspect`
+    # farther off is told by its looks, see `Estimate.camera_scale`
     bias: float = 1.5e-3
     camera_rotation: float = 1e-3
     outliers: float = 0.1
@@ -179,27 +176,15 @@ class DloEstimator:
     def doubted(self) -> bool:
         """Whether two of the last eight looks do not agree with the estimate, or one not at all.
 
-        Looks at the DLO, and those at the cut-out; or the camera is not where it is stated.
+        Looks at the DLO, and those at the cut-out.
         """
         return (sum(self._disagree) >= _DOUBT or _NO_CHANCE < self.surprise < np.inf
-                or self.cutout_suspect or self.camera_suspect)
+                or self.cutout_suspect)
 
     @property
     def cutout_suspect(self) -> bool:
         """Whether the cut-out is seen where it cannot be, or no more where it was seen before."""
         return self._hole_moved or sum(self._holes_disagree) >= _DOUBT
-
-    @property
-    def camera_suspect(self) -> bool:
-        """Whether the camera, or its clock, is farther off than was stated, as looks tell."""
-        with self._lock:
-            opened, now = self._opened, self.estimate
-        own = np.concatenate([now.uncertain.columns(name)[0] for name in CAMERA])
-        if now is opened or not own.size:
-            return False
-        before, left = (one.covariance[np.ix_(own, own)] for one in (opened, now))
-        moved, seen = innovation_of(opened.mean[own], before, now.mean[own], left)
-        return moved > chi2.isf(_SELDOM, max(seen, 1.0))
 
     def bent(self, stamp: float, gripper: Pose) -> tuple[Floats, float] | None:
         """Return by how much (k, 3), m, a DLO in a known motion is off its rest at a stamp, s.
@@ -217,24 +202,22 @@ class DloEstimator:
         """Forget what was seen since it began."""
         with self._lock:
             self._clouds.clear()
-            self.camera_doubted = False  # whether it was taken as farther off than stated
             self._reopened: Estimate | None = None
             self._begin(self._first)
 
     def reopen(self, stamp: float = -np.inf) -> None:
         """Take the DLO as one that may have slipped or been bent, from a stamp (s) on.
 
-        The rest stays known, unless it is in doubt: the camera where it is suspect, or where no
-        look has ever agreed; the place of the cut-out where it was seen elsewhere.
+        The rest stays known, unless it is in doubt: the camera where no look has ever agreed, for
+        then it is not the DLO that changed; the place of the cut-out where it was seen elsewhere.
         """
         with self._lock:
             if self.estimate is not self._reopened:  # else there was no look since
-                seeing, suspect = self.seeing, self.camera_suspect or not self.estimate.looks
+                seeing = self.seeing
                 self._reopened = self._observer.reopened(
                     self.estimate, seeing.slip_position, seeing.slip_rotation, kink=seeing.kink,
-                    camera=TIMES_WIDER if suspect else 0.0,
+                    camera=0.0 if self.estimate.looks else WORST_CAMERA,
                     cutout=seeing.slip_position if self.cutout_suspect else 0.0)
-                self.camera_doubted = self.camera_doubted or suspect
             self._begin(self._reopened)
             self._resting = stamp
 
@@ -271,7 +254,6 @@ class DloEstimator:
 
     def _begin(self, estimate: Estimate) -> None:
         self.estimate = estimate  # the newest one of looks that agree; the prior before any
-        self._opened = estimate   # by which it is judged what looks tell of the camera
         # of the last look, whether it was believed or not: the median distance of the points from
         # the DLO as it is estimated, m, and `Estimate.surprise`
         self.off = self.surprise = np.nan

@@ -273,7 +273,8 @@ class Observer(Value):
         old = window_of(estimate)
         window = replace(LagWindow.of(mean / unit, covariance / np.outer(unit, unit),
                                       self.robot.acting.size),
-                         consistency=old.consistency, reference=old.reference)
+                         consistency=old.consistency, reference=old.reference,
+                         camera_scale=camera or old.camera_scale)
         return replace(estimate, mean=mean, covariance=covariance, _memory=window)
 
     def cutout_surprise(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike,

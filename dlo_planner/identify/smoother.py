@@ -32,8 +32,8 @@ from dlo_planner.identify.estimate import Estimate, RobotError, way_between
 from dlo_planner.identify.noise_model import Mixture, mixture, mixture_cost
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.residuals import from_either_end, point_residuals
-from dlo_planner.identify.uncertain_state import PointSlopes
-from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.identify.uncertain_state import CALIBRATION, PointSlopes
+from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.pose import Pose, angle_between
 
 _POSES = 4        # of the gripper, whose looks are remembered
@@ -56,6 +56,9 @@ _SEEN = 0.02      # part of a variance by which a look has to lower it to tell o
 # chi-squares of two degrees: by chance the largest of `_PAST` partial sums exceeds the first in one
 # look in 10,000, the second in one in 100 (counted in a million random walks)
 _DRIFTS = 23.9, 13.9
+WORST_CAMERA = 8.0  # times as far off as stated: 12 mm and 8 mrad by the defaults, or it is broken
+_TURNS = 50         # of expectation and maximization
+_SCALED = 0.05      # change of the scale that makes no difference
 _MODEL = 1.5      # ratio of variances that the model's own errors may add to the residuals
 _MORE_OUTLIERS = 0.1  # part of the points by which more may be none of the DLO's than are stated
 
@@ -217,6 +220,7 @@ class LagWindow:
     past: tuple[Floats, Floats]
     consistency: Consistency = Consistency()
     reference: Floats | None = None  # (3,) of the CameraError, m: where something was seen first
+    camera_scale: float = 1.0  # by which the prior deviations of that are multiplied
 
     @classmethod
     def of(cls, mean: Floats, covariance: Floats, p: int) -> LagWindow:
@@ -230,6 +234,33 @@ class LagWindow:
     def about(self, reference: Floats) -> LagWindow:
         """Return it with a reference (3,), m, of the CameraError if it has none."""
         return self if self.reference is not None else replace(self, reference=reference)
+
+    def with_likely_camera(self, columns: Ints) -> LagWindow:
+        """Return it with the most likely scale of the camera's errors, whose `columns` (k,) these are.
+
+        All of them are of one calibration, which is as good as stated or worse: those that looks
+        tell say how far off those are that no look tells. The scale is that of the largest marginal
+        likelihood, at least 1, by expectation and maximization (empirical Bayes).
+        """
+        own = np.ix_(columns, columns)
+        certain = np.linalg.inv(self.covariance[own])  # what is else in the state is integrated out
+        told = certain - np.eye(columns.size) / self.camera_scale**2
+        pull, scale = certain @ self.mean[columns], self.camera_scale
+        for _ in range(_TURNS):
+            spread = np.linalg.inv(told + np.eye(columns.size) / scale**2)
+            likely = spread @ pull
+            scale = float(np.clip(np.sqrt((likely @ likely + np.trace(spread)) / columns.size),
+                                  1.0, WORST_CAMERA))
+        if abs(scale - self.camera_scale) <= _SCALED * self.camera_scale:
+            return self
+        more = np.zeros(self.x.size)
+        more[columns] = scale**-2 - self.camera_scale**-2
+        matrix, known = self.matrix + np.diag(more), np.linalg.inv(self.covariance)
+        covariance = symmetric(np.linalg.inv(known + np.diag(more)))
+        return replace(self, camera_scale=scale, matrix=matrix,
+                       x=solved(matrix, self.matrix @ self.x), covariance=covariance,
+                       mean=covariance @ (known @ self.mean),
+                       past=(self.past[0][:0], self.past[1][:0]))
 
     def with_linear(self, rows: Floats, right: Floats) -> LagWindow:
         """Return it with k measurements of unit variance: rows (k, n) @ x = right (k,)."""
@@ -564,6 +595,9 @@ class LookUpdate:
                          state=here.y[:window.x.size], past=expected,
                          consistency=window.consistency.after(innovation, seen, residual,
                                                               last.degrees, drift))
+        camera = np.concatenate([self._uncertain.columns(name)[0] for name in CALIBRATION])
+        if camera.size:
+            window = window.with_likely_camera(camera)
         return estimate_of(self._estimate, window, looks=self._estimate.looks + 1, converged=True,
                            misfit=last.misfit, outliers=last.outliers, surprise=float(surprise),
                            _shape=shape)

@@ -33,7 +33,8 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.goals import Through
 
-CAMERA = 'camera', 'camera_rotation', 'stamps'  # numbers of what is wrong with it
+CALIBRATION = 'camera', 'camera_rotation'  # numbers of what is wrong with that of a camera
+CAMERA = *CALIBRATION, 'stamps'
 NOT_OF_ROD = 'gripper_rotation', 'gripper_position', *CAMERA, 'cutout'
 _KEPT = 8     # meshes that are remembered
 _SAME = 1e-9  # of the length: nodes closer than this are the same
