@@ -4,22 +4,23 @@
 
 A tracker with a node for each place of a DLO knows no gaps: where the DLO is hidden it goes on with
 the last shape that it saw, moved like the rest. Such nodes look like observations and are none.
-What gives them away is that they do not move against each other: each point that is seen has noise
-of its own, so distances between two of them change from cloud to cloud; those between carried ones
-do not. That needs no model of the DLO, and no stated noise: distances are compared with those of
-the same two clouds that do change.
+What gives them away is that they do not move against each other at all: each point that is seen
+has noise of its own, so distances between two of them change from cloud to cloud, while those
+between carried ones stay to the last digit. That needs no model of the DLO and no stated noise.
+
+What it does not find: what is filled in with noise of its own, or bent while it is carried; clouds
+whose points come in another order or number each time.
 """
 
 import numpy as np
 
 from dlo_planner.model.arrays import Bools, Floats
 
-# of the median change of all distances: two points that were seen change their distance by less in
-# one case of a hundred, two that were carried by rounding errors. A factor of three either way
-# changes which chances are taken for a body, not which bodies are found.
-_RIGID = 0.02
+# of the largest coordinate, by which distances stay the same: 1 um of 1 m. Rounding of the 32-bit
+# numbers of a message makes a tenth of it, noise of a camera a hundred times as much
+_ROUNDING = 1e-6
 _LEAST_BODY = 4     # points: fewer are congruent by chance
-_OF_ALL = 0.1       # of the points: so many partners a carried one has at least
+_OF_ALL = 0.1       # of the points, at least: a smaller body may be chance, and tells little
 _MOST_OF_ALL = 0.9  # if more keep their distances nothing has moved, and nobody was deceived
 
 
@@ -33,16 +34,16 @@ def carried(before: Floats, points: Floats) -> Bools:
     if before.shape != points.shape or len(points) < _LEAST_BODY:
         return none
     changes = np.abs(_distances(points) - _distances(before))
-    pairs = ~np.eye(len(points), dtype=bool)
-    same = pairs & (changes <= _RIGID * np.median(changes[pairs]))
-    body = ~none
-    least = max(_LEAST_BODY - 1, int(np.ceil(_OF_ALL * len(points))))
-    while body.any():  # each point of a body has partners in the body
-        left = body & (same[:, body].sum(axis=1) >= least)
-        if (left == body).all():
-            break
-        body = left
-    return none if body.mean() > _MOST_OF_ALL else body
+    same = changes <= _ROUNDING * float(np.abs(points).max())
+    least = max(_LEAST_BODY, int(np.ceil(_OF_ALL * len(points))))
+    # the largest body whose points all keep their distances from each other: what has the fewest
+    # partners in it leaves it, one after the other
+    body, partners = ~none, same.sum(axis=1)
+    while body.sum() >= least and partners[body].min() < body.sum():
+        worst = np.flatnonzero(body)[partners[body].argmin()]
+        body[worst] = False
+        partners -= same[:, worst]
+    return none if body.sum() < least or body.mean() > _MOST_OF_ALL else body
 
 
 def _distances(points: Floats) -> Floats:

@@ -259,6 +259,7 @@ class DloEstimator:
         self.off = self.surprise = np.nan
         self.seen = self.looked = -np.inf  # stamps, s, of the last look that agreed, and of any
         self._disagree: deque[bool] = deque(maxlen=_OF)  # whether the last looks did
+        self._carries = False  # whether points of the last look were carried along, and not seen
         self._holes_disagree: deque[bool] = deque(maxlen=_OF)  # the same, at the cut-out
         self._holes: deque[Floats] = deque(maxlen=_OF)  # where it was seen
         self._hole_moved = False  # whether that is, on the mean, elsewhere than all looks tell
@@ -344,6 +345,10 @@ class DloEstimator:
             if stamp < self._resting:
                 return estimate
         own = ~carried(before, cloud)
+        with self._lock:
+            if not own.all() and not self._carries and self._disagree:
+                self._disagree[-1] = False  # then some were carried in that cloud as well
+            self._carries = not own.all()
         if own.sum() < _LEAST_POINTS:
             raise InvalidTask(f'observed_points: {own.sum()} of {own.size} points move against each '
                               f'other: expected {_LEAST_POINTS} at least, the others are carried '
