@@ -43,7 +43,7 @@ class Slip(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Kink(Value):
-    """The DLO is bent for good at one place, smoothly within 50 ms: what a bump leaves of a wire."""
+    """The DLO is bent for good at one place, smoothly within 50 ms, as a bump leaves a wire."""
 
     time: float  # time at which it begins, s
     angle: float = 0.02  # by which it is bent without stress afterwards, rad
@@ -155,7 +155,8 @@ class Disturbances(Value):
     @property
     def times(self) -> tuple[float, ...]:
         """When something happens, s."""
-        return tuple(one.time for one in (*self.slips, *self.bumps, *self.kinks))
+        return (*(slip.time for slip in self.slips), *(bump.time for bump in self.bumps),
+                *(kink.time for kink in self.kinks))
 
     def draw(self, rng: np.random.Generator) -> 'Course':
         """Return how the robot errs in one run."""

@@ -441,8 +441,8 @@ class Estimate(Reported):
         obstacles : iterable of obstacles
             As stated.
         centers : array_like, shape (k, 3)
-            Centers, as stated, of the cut-outs that are seen, m: sheets with one of these move, what
-            else stands around does not.
+            Centers, as stated, of the cut-outs that are seen, m: sheets with one of these move,
+            what else stands around does not.
         """
         shift, seen = self.center(np.zeros(3)), np.asarray(centers, dtype=float).reshape(-1, 3)
         return tuple(

@@ -58,7 +58,8 @@ _DOUBT, _OF = 2, 8   # looks that disagree, of the last ones: fewer are left to 
 _OFTEN = 0.06        # s between two clouds that tell of a vibration
 _CLOUDS = 50         # by which a vibration is told
 _NO_CHANCE = 10.0    # times the surprise that one look in 10,000 exceeds
-# of the stamps' error: what is another one in each look, of which filters and queues make some 20 ms
+# of the stamps' error: what is another one in each look, of which filters and queues make some
+# 20 ms
 _JITTER = 0.4
 _FAR = 6.0           # deviations along an axis by which a cut-out may be seen off
 
@@ -350,9 +351,9 @@ class DloEstimator:
                 self._disagree[-1] = False  # then some were carried in that cloud as well
             self._carries = not own.all()
         if own.sum() < _LEAST_POINTS:
-            raise InvalidTask(f'observed_points: {own.sum()} of {own.size} points move against each '
-                              f'other: expected {_LEAST_POINTS} at least, the others are carried '
-                              'along by the tracker, and not seen')
+            raise InvalidTask(f'observed_points: {own.sum()} of {own.size} points move against '
+                              f'each other: expected {_LEAST_POINTS} at least, the others are '
+                              'carried along by the tracker, and not seen')
         seen = Observation(gripper, cloud[own])
         elapsed = max(stamp - self.seen, 0.0) if np.isfinite(self.seen) else 0.0
         after = self._observer.update(estimate, seen, elapsed=elapsed, sway=sway,

@@ -186,7 +186,7 @@ class Observer(Value):
                    noise: float | None = None) -> Estimate:
         """Return the Estimate after the center of the cut-out has been seen by the same camera.
 
-        The camera displaces DLO and cut-out alike, so its error there cancels in the predicted miss.
+        The camera displaces DLO and cut-out alike: its error there cancels in the predicted miss.
 
         Parameters
         ----------

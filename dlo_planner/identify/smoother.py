@@ -236,7 +236,7 @@ class LagWindow:
         return self if self.reference is not None else replace(self, reference=reference)
 
     def with_likely_camera(self, columns: Ints) -> LagWindow:
-        """Return it with the most likely scale of the camera's errors, whose `columns` (k,) these are.
+        """Return it with the most likely scale of the camera's errors, in `columns` (k,).
 
         All of them are of one calibration, which is as good as stated or worse: those that looks
         tell say how far off those are that no look tells. The scale is that of the largest marginal

@@ -13,10 +13,10 @@ import pytest
 
 import dlo_planner
 import dlo_planner.arm
+import dlo_planner.closed_loop
 import dlo_planner.identify
 import dlo_planner.parallel
 import dlo_planner.penalties
-import dlo_planner.closed_loop
 import dlo_planner.results
 import dlo_planner.rods
 import dlo_planner.tasks

@@ -11,7 +11,15 @@ from closed_loops import HOLE, NOISE, SPREAD, START, WIRE, Truth, plan_of
 from numpy.polynomial import legendre
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, InvalidTask, InverseSimulator, Observer, Pose, Sheet, Thread
+from dlo_planner import (
+    DirectSimulator,
+    InvalidTask,
+    InverseSimulator,
+    Observer,
+    Pose,
+    Sheet,
+    Thread,
+)
 from dlo_planner.execute.loop_motions import LoopTask
 from dlo_planner.identify import correct
 from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig

@@ -47,8 +47,9 @@ def test_clouds_of_other_sizes_or_in_another_order_share_no_nodes(rng):
 
 def test_a_carried_end_does_not_tell_where_the_end_is(rng):
     """The gripper turns: weight bends the true end otherwise, the carried one turns along."""
-    direct, other = DirectSimulator(WIRE), Pose(START.position, (
-        Rotation.from_euler('y', 25, degrees=True) * Rotation.from_quat(START.quaternion)).as_quat())
+    down = Rotation.from_euler('y', 25, degrees=True)
+    direct, other = DirectSimulator(WIRE), Pose(
+        START.position, (down * Rotation.from_quat(START.quaternion)).as_quat())
     out = DloEstimator(direct, EstimatorConfig(SPREAD, NOISE))
     shapes = [direct.solve(START), direct.solve(other)]
     hidden, last = S > 0.66, None
