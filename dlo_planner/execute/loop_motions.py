@@ -70,15 +70,32 @@ class LoopTask:
     """A task for a closed loop: the DLO hangs freely up to its entry, where its miss is judged.
 
     The entry is the first waypoint that passes a place of the task: a cut-out or the mouth of a
-    bore as the free end comes to it, a contact shortly before it is touched. InvalidTask: the task
-    passes no place, or by how much it may be missed is not stated.
+    bore as the free end comes to it, a contact shortly before it is touched.
+
+    Attributes
+    ----------
+    inverse : InverseSimulator
+        Of the DLO as stated, with its obstacles and its workspace.
+    task : Task
+        Task with its places as stated, its depths from 0 on.
+    standoff : float
+        Distance before the entry at which it looks again, m.
+    limits : Limits
+        Limits of the gripper.
+    most_off : float or None
+        By how much places without a size, contacts, may be missed, m.
+
+    Raises
+    ------
+    InvalidTask
+        The task passes no place, or by how much it may be missed is not stated.
     """
 
-    inverse: InverseSimulator  # of the DLO as stated, with its obstacles and its workspace
-    task: Task                 # with its places as stated; its depths from 0 on
-    standoff: float            # m before the entry, where it looks again
-    limits: Limits = Limits()  # of the gripper
-    most_off: float | None = None  # m, from places without a size: a contact
+    inverse: InverseSimulator
+    task: Task
+    standoff: float
+    limits: Limits = Limits()
+    most_off: float | None = None
 
     def __post_init__(self) -> None:
         if not (self.touches or cutouts_of(self.task)):

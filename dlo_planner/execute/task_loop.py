@@ -70,12 +70,44 @@ _UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the p
 
 
 class TaskLoop:
-    """One task in a closed loop, see the module.
+    """One task in a closed loop: it looks, plans, goes, corrects and enters, or stops and says why.
 
-    What is seen goes to its `observing`, whoever hands it in; what is measured of the gripper to
-    `gripper`. The gripper stands at `here`, measured; commands are poses of the robot's tool frame,
-    in which the gripper has the Pose `tool`. `look` is the duration of a look at rest, s; `period`,
-    `horizon`, `limits` and `guards` as of `Execution`.
+    It knows no clock, no message and no thread. What is seen goes to its `observing`, whoever hands
+    it in; what is measured of the gripper to `gripper` and to `observing`; `tick` returns what to
+    command. Stamps and times are of one clock, in s.
+
+    Parameters
+    ----------
+    task : LoopTask
+        The task, among its obstacles.
+    observing : DloEstimator
+        What is seen of the DLO.
+    here : Pose
+        Where the gripper stands, measured.
+    tool : Pose, optional
+        Pose of the gripper in the robot's tool frame, whose poses are commanded. If None, they are
+        the same.
+    guards : Guards, optional
+        What stops a motion. If None, nothing but the loop itself does.
+    limits : Limits, optional
+        Limits of commands. If None, those of the task.
+    look : float, optional
+        Duration of a look at rest, s: the DLO should swing a few times in it.
+    period : float, optional
+        Between two commands, s.
+    horizon : float, optional
+        Coming motion of which the robot is told ahead, s.
+    frame_id : str, optional
+        Frame of the poses, for messages.
+
+    Attributes
+    ----------
+    promised : float
+        Largest miss that is expected, m, with 95 %; nan before the entry is planned.
+    cause, reason : Cause and str
+        Why it stopped, once `phase` is STOP.
+    execution : Execution or None
+        The motion under way; None: the gripper stands.
     """
 
     def __init__(self, task: LoopTask, observing: DloEstimator, here: Pose, *,

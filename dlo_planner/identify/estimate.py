@@ -438,7 +438,7 @@ class Estimate(Reported):
 
         Parameters
         ----------
-        obstacles : iterable of obstacles
+        obstacles : iterable
             As stated.
         centers : array_like, shape (k, 3)
             Centers, as stated, of the cut-outs that are seen, m: sheets with one of these move,

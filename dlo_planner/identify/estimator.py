@@ -66,36 +66,75 @@ _FAR = 6.0           # deviations along an axis by which a cut-out may be seen o
 
 @dataclass(frozen=True)
 class EstimatorConfig:
-    """How well the camera sees, and how uncertain the DLO is; m, rad and s, see `Observer`."""
+    """How well the camera sees, how uncertain the DLO is, and how often it is looked at.
 
-    spread: Uncertainty = field(default_factory=Uncertainty)  # and how the gripper holds it
+    Deviations are standard deviations of what is independent and normal; see `Observer`.
+
+    Attributes
+    ----------
+    spread : Uncertainty
+        Of the DLO, and of how the gripper holds it.
+    noise : float
+        Of a seen point along each axis, m.
+    bias : float
+        Of the camera's constant error along each axis, m. Where looks tell that a camera is farther
+        off than `bias` and `camera_rotation` state, both count as larger alike
+        (`Estimate.camera_scale`).
+    camera_rotation : float
+        Of the camera's constant rotation about each axis, rad.
+    outliers : float
+        Part of the points that are none of the DLO's.
+    sway : float
+        Of the free end about its rest while the gripper stands, m.
+    cutout : float
+        Of the place of each cut-out along each axis, m; 0: it is where it is stated.
+    stamps : float
+        Of the constant delay of the stamps of clouds, s; they are taken as wrong by 0.4 times as
+        much more, another one in each.
+    robot_position, robot_rotation : float
+        Of the robot's error, m along and rad about each axis.
+    robot_way, robot_time : float
+        Way, m, and time, s, in which that error changes.
+    slip_position, slip_rotation : float
+        How far the DLO may have slipped in the gripper where looks do not agree any more, m along
+        and rad about each axis.
+    kink : float
+        By how much it may be bent for good then, about each axis of its section, at any one place,
+        rad.
+    period : float
+        Between two clouds that are looked at, s.
+    correct : bool
+        Whether what is executed is corrected.
+    correction_period : float
+        Between two corrections, s.
+    largest_correction : float
+        By which a gripper may be displaced, m: a plan that is farther off has to be made anew.
+    """
+
+    spread: Uncertainty = field(default_factory=Uncertainty)
     noise: float = 1e-3
-    # Of the camera's constant error, along and about each axis, where something else is not stated.
-    # Hand-eye calibrations of arms with depth cameras are reported to leave 1 to 3 mm and 0.05 to
-    # 0.2 degrees; 1.5 mm along each axis are 2.6 mm, and 1 mrad about each are 0.1 degrees. What is
-    # farther off is told by its looks, see `Estimate.camera_scale`
+    # Careful hand-eye calibrations of arms with depth cameras leave some 1 to 3 mm and 0.05 to 0.2
+    # degrees: 1.5 mm along each axis are 2.6 mm, and 1 mrad about each are 0.1 degrees. Three times
+    # the rotation would keep a wire of 1 m out of a hole of 10 mm that the camera does not see
     bias: float = 1.5e-3
     camera_rotation: float = 1e-3
     outliers: float = 0.1
     sway: float = 5e-4
-    cutout: float = 0.0    # how well the place of a cut-out is known
-    # by which stamps of clouds may be wrong: exposure, transfer and processing take one to three
-    # images of a camera with 30 in a second, and seldom all of it is taken off
+    cutout: float = 0.0
+    # Exposure, transfer and processing take one to three images of a camera with 30 in a second,
+    # and seldom all of it is taken off
     stamps: float = 0.05
     robot_position: float = 2e-4
     robot_rotation: float = 3e-4
     robot_way: float = 0.4
     robot_time: float = np.inf
-    # how far the DLO may slip in the gripper, along and about each axis: what is looked for where
-    # looks do not agree any more
     slip_position: float = 5e-3
     slip_rotation: float = 0.05
-    # by how much it may be bent for good then, about each axis of its section, at any one place
     kink: float = 0.1
-    period: float = 0.2    # between two clouds that are looked at
-    correct: bool = True   # whether what is executed is corrected
+    period: float = 0.2
+    correct: bool = True
     correction_period: float = 0.5
-    largest_correction: float = 0.02  # a plan that is farther off has to be made anew
+    largest_correction: float = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +177,33 @@ class Swing:
 class DloEstimator:
     """The Estimate of a DLO from all that was seen since the last `reset`; for several threads.
 
-    `known`: the Estimate by which the DLO was stated so; what that was sure of stays sure.
+    Parameters
+    ----------
+    simulator : DirectSimulator
+        Of the DLO as stated. Obstacles are left out: what is looked at hangs freely.
+    seeing : EstimatorConfig
+        How well the camera sees, and how uncertain the DLO is.
+    known : Estimate, optional
+        Estimate by which the DLO was stated so; what that was sure of stays sure.
+
+    Attributes
+    ----------
+    estimate : Estimate
+        The newest one of looks that agree; the prior before any.
+    off : float
+        Median distance of the points of the last look from the DLO as it is estimated, m; nan
+        before any.
+    surprise : float
+        Of the last look, see `Estimate`; infinite: no equilibrium explains it.
+    seen, looked : float
+        Stamps, s, of the last look that agreed, and of any.
+    closely : bool
+        Whether all clouds are looked at: a slip has to be seen soon.
+
+    Raises
+    ------
+    InvalidTask
+        Nothing of the DLO is uncertain, or an argument makes no sense.
     """
 
     def __init__(self, simulator: DirectSimulator, seeing: EstimatorConfig,
