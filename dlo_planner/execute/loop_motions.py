@@ -151,7 +151,7 @@ class LoopTask:
         simulator = known.simulator.with_rod(estimate.rod)
         if not self.touches:  # the obstacle that is touched stands where it is stated
             simulator = simulator.with_obstacles(estimate.moved_obstacles(
-                simulator.obstacles, [one.center for one in cutouts_of(self.task)]))
+                simulator.obstacles, np.array([one.center for one in cutouts_of(self.task)])))
         inverse = InverseSimulator(simulator, workspace=known.workspace,
                                    allow_plastic=known.requirements.allow_plastic)
         if isinstance(self.task, HoldContact | SlideContact):

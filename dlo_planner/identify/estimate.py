@@ -23,6 +23,7 @@ from dlo_planner.identify.uncertain_state import CameraError, PointSlopes, Uncer
 from dlo_planner.inverse.plain_tasks import write_value
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import (
+    array,
     figure,
     flag,
     instance,
@@ -35,7 +36,7 @@ from dlo_planner.model.checks import (
     vector,
 )
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import Obstacle, Sheet
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, put
@@ -404,15 +405,6 @@ class Estimate(Reported):
         """Estimated delay of the stamps of looks, s."""
         return self.uncertain.delay(self.mean)
 
-    def places(self, points: Floats, gripper: Pose, velocity: Floats) -> Floats:
-        """Return the true places (m, 3) of seen points (m, 3), m, at the stamp of a look.
-
-        The gripper was measured at a Pose then, and moved with a velocity (6,), rad/s and m/s.
-        """
-        found, turn = self.camera_error.undone(points), np.cross(
-            velocity[:3], points - gripper.position)
-        return found + self.delay * (velocity[3:] + turn)
-
     def actual(self, gripper: Pose) -> Pose:
         """Return the estimated true Pose of the gripper that is commanded to `gripper`."""
         result: Pose = instance('gripper', gripper, Pose).compose(self.gripper_offset)
@@ -444,11 +436,12 @@ class Estimate(Reported):
             Centers, as stated, of the cut-outs that are seen, m: sheets with one of these move,
             what else stands around does not.
         """
-        shift, seen = self.center(np.zeros(3)), np.asarray(centers, dtype=float).reshape(-1, 3)
+        shift, seen = self.center(np.zeros(3)), array('centers', centers, (None, 3))
+        bodies = items('obstacles', obstacles, OBSTACLES)
         return tuple(
             moved_sheet(body, shift) if isinstance(body, Sheet) and any(
                 (np.abs(seen - one.center).max(axis=1, initial=0.0) <= _SAME_CENTER).any()
-                for one in body.cutouts) else body for body in obstacles)
+                for one in body.cutouts) else body for body in bodies)
 
     def shape(self, gripper: Pose) -> Shape:
         """Return the estimated Shape of the DLO with the gripper commanded to `gripper`.

@@ -28,7 +28,7 @@ from dlo_planner.identify.observation import Observation, gripper_at
 from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.identify.residuals import point_residuals
-from dlo_planner.identify.smoother import WORST_CAMERA
+from dlo_planner.identify.smoother import WORST_CAMERA, LookErrors
 from dlo_planner.identify.uncertain_state import CAMERA, CameraError
 from dlo_planner.identify.vibration import STATED, FreeVibration, enough
 from dlo_planner.model.arrays import Floats
@@ -113,9 +113,10 @@ class EstimatorConfig:
 
     spread: Uncertainty = field(default_factory=Uncertainty)
     noise: float = 1e-3
-    # Careful hand-eye calibrations of arms with depth cameras leave some 1 to 3 mm and 0.05 to 0.2
-    # degrees: 1.5 mm along each axis are 2.6 mm, and 1 mrad about each are 0.1 degrees. Three times
-    # the rotation would keep a wire of 1 m out of a hole of 10 mm that the camera does not see
+    # Hand-eye calibrations leave millimeters and up to some tenths of a degree, by method and
+    # motions (compared by Enebuse et al. 2022, PLOS ONE 17, e0273261): these are those of a careful
+    # one, 2.6 mm and 0.1 degrees in all, assumed and not measured by us. Three times the rotation
+    # would keep a wire of 1 m out of a hole of 10 mm that the camera does not see
     bias: float = 1.5e-3
     camera_rotation: float = 1e-3
     outliers: float = 0.1
@@ -429,7 +430,7 @@ class DloEstimator:
             shape = None
         by = after if after.agrees else estimate
         off = np.inf if shape is None else _median_distance(
-            shape, by.places(seen.points, gripper, velocity))
+            shape, _places(by, seen, velocity))
         with self._lock:
             if self.estimate is not estimate:  # it was reset meanwhile
                 return self.estimate
@@ -470,6 +471,16 @@ class DloEstimator:
         bent = _SAG * rod.length * max(acceleration - _EVEN, 0.0) / _WEIGHT
         moves = found[0].twist * (found[0].speed > _STILL)
         return float(np.hypot(seeing.sway, bent)), moves
+
+
+def _places(estimate: Estimate, seen: Observation, velocity: Floats) -> Floats:
+    """Return the true places (m, 3) of what was seen, m, at its stamp.
+
+    The gripper moved with a velocity (6,), rad/s and m/s, and the DLO along with it.
+    """
+    found = estimate.camera_error.undone(seen.points)
+    errors = LookErrors(velocity=tuple(velocity.tolist()))
+    return found + estimate.delay * errors.behind(found, seen.gripper)
 
 
 def _judge_gap(stamps: Sequence[float], poses: Sequence[Pose], stamp: float) -> None:
