@@ -115,10 +115,11 @@ class EstimatorConfig:
     noise: float = 1e-3
     # Hand-eye calibrations leave millimeters and up to some tenths of a degree, by method and
     # motions (compared by Enebuse et al. 2022, PLOS ONE 17, e0273261): these are those of a careful
-    # one, 2.6 mm and 0.1 degrees in all, assumed and not measured by us. Three times the rotation
-    # would keep a wire of 1 m out of a hole of 10 mm that the camera does not see
-    bias: float = 1.5e-3
-    camera_rotation: float = 1e-3
+    # one, 1.7 mm and 0.05 degrees in all, assumed and not measured by us. Larger ones are told by
+    # looks and then count as larger. A rotation of 3 mrad from the beginning would keep a wire of
+    # 1 m out of any hole of 10 mm that the camera does not see
+    bias: float = 1e-3
+    camera_rotation: float = 5e-4
     outliers: float = 0.1
     sway: float = 5e-4
     cutout: float = 0.0

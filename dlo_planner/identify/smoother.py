@@ -56,7 +56,7 @@ _SEEN = 0.02      # part of a variance by which a look has to lower it to tell o
 # chi-squares of two degrees: by chance the largest of `_PAST` partial sums exceeds the first in one
 # look in 10,000, the second in one in 100 (counted in a million random walks)
 _DRIFTS = 23.9, 13.9
-WORST_CAMERA = 8.0  # times as far off as stated: 12 mm and 8 mrad by the defaults, or it is broken
+WORST_CAMERA = 12.0  # times as far off as stated: 12 mm and 6 mrad by the defaults, or it is broken
 _TURNS = 50         # of expectation and maximization
 _SCALED = 0.05      # change of the scale that makes no difference
 _MODEL = 1.5      # ratio of variances that the model's own errors may add to the residuals

@@ -150,10 +150,10 @@ _TABLE: dict[str, tuple[Any, ...]] = {
                                         'rad.', 0.0, 3.2),
     'observe.noise': (0.001, 'Standard deviation of each coordinate of observed_points, '
                              'm.', 1e-6, 1.0),
-    'observe.bias': (0.0015, "Of the camera's constant error along each axis, m: what is left of "
+    'observe.bias': (0.001, "Of the camera's constant error along each axis, m: what is left of "
                              'its calibration. It cancels where the camera sees the cut-out as '
                              'well.', 0.0, 1.0),
-    'observe.camera_rotation': (0.001, 'The same about each axis, rad.', 0.0, 0.5),
+    'observe.camera_rotation': (0.0005, 'The same about each axis, rad.', 0.0, 0.5),
     'observe.outliers': (0.1, 'Part of the points that are none of the DLO.', 0.0, 0.9),
     'observe.sway': (0.0005, 'Of the free end about its rest while the gripper stands still, '
                              'm.', 0.0, 1.0),

@@ -49,7 +49,7 @@ class Cell:
 
 # %%
 # What is uncertain is stated as standard deviations. The defaults of `EstimatorConfig` are those of
-# a usual camera: its calibration leaves 1.5 mm and 1 mrad, its stamps are wrong by 50 ms. Where the
+# a usual camera: its calibration leaves 1 mm and 0.5 mrad, its stamps are wrong by 50 ms. Where the
 # camera sees the hole as well, its own errors cancel.
 seeing = EstimatorConfig(Uncertainty(bending_stiffness=0.05, natural_curvature=0.3,
                                      gripper_position=0.5e-3, gripper_rotation=3e-3),
