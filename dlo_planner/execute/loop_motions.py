@@ -49,6 +49,7 @@ _SLOWER = 1.0, 0.7, 0.5, 0.35, 0.25  # of the speed that limits allow, until
 _AT_MOST = 0.75     # of the room is what the DLO may miss at rest
 _OF_SPARE = 0.6     # part of the room that the bound leaves, which motion may use: far below 1 mm
                     # the search takes long and finds motions that take four times as long
+_FOR_CORRECTIONS = 0.05  # part of the room by which a bound may grow until the entry
 LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
 _OF_LIMITS = 0.95   # that motions are made for: the rest is for corrections
@@ -277,8 +278,12 @@ def way_to_standoff(task: LoopTask, estimate: Estimate, here: Pose) -> GripperMo
     return _motion(task, estimate, truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE))
 
 
-def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float, lag: float) -> Entry:
-    """Return the way from a measured pose at the standoff to the depth."""
+def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float, lag: float,
+           left: float = 0.0) -> Entry:
+    """Return the way from a measured pose at the standoff to the depth.
+
+    The DLO still swings by `left`, m, which counts as well: motion may use what that leaves.
+    """
     way, through = task.ways(estimate, here, 0.0)
     whole, commanded = concatenate(replace(way, stops=()), through), commanded_of(through, estimate)
     there = [shape for shape in whole.shapes if shape.far_end is None and not shape.contacts][-1]
@@ -297,7 +302,9 @@ def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float, lag: flo
     at_most, limits = min(tried, key=lambda one: one[0])
     if at_most > most and bound_in(quick, -0.5 * quick.windows.sum()) > most:  # however slow it is
         return Entry(estimate, at_most, whole, commanded, None)
-    tolerance = max(LEAST_FOR_MOTION * task.room, _OF_SPARE * (task.room - at_most))
+    spare = task.room - at_most
+    tolerance = max(LEAST_FOR_MOTION * task.room,
+                    min(_OF_SPARE * spare, spare - left - _FOR_CORRECTIONS * task.room))
     trajectory = _trajectory(task, whole, tolerance, limits)
     motion = GripperMotion(estimate, trajectory, there, swing_of(trajectory, estimate, whole))
     bound = bound_in(motion.steered)

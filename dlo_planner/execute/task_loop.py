@@ -323,7 +323,9 @@ class TaskLoop:
         task, estimate = self._task, self.observing.estimate
         self._done = None
         if not isinstance(done, Entry | GripperMotion):
-            self._work = (partial(way_in, task, estimate, self._here, task.room_at_rest, self._lag)
+            left = max(self._left, self.observing.swing)
+            self._work = (partial(way_in, task, estimate, self._here, task.room_at_rest, self._lag,
+                                  left)
                           if self._loop.at_standoff else
                           partial(way_to_standoff, task, estimate, self._here))
             return
