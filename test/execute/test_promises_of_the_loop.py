@@ -347,6 +347,22 @@ def test_where_the_robot_errs_much_it_goes_in_so_slowly_that_it_can_be_corrected
     assert corrected.bound < 0.9 * blind.bound
 
 
+@pytest.mark.parametrize('left', [0.0, 3e-4, 1e-3, 0.1])
+def test_motion_uses_what_the_swing_at_the_standoff_leaves(ways, rng, monkeypatch, left):
+    used_up = []
+    monkeypatch.setattr(loop_motions, '_trajectory', lambda task, plan, tolerance, limits:
+                        used_up.append(tolerance) or Trajectory(plan, limits, tolerance=np.inf))
+    monkeypatch.setattr(loop_motions, 'swing_of', lambda *_: None)
+    observer, here = Observer(DIRECT, SPREAD, noise=NOISE), ways[0].grippers[-1]
+    estimate = looked(Truth.drawn(rng), observer, rng, here, looks=3)
+    entry, room = loop_motions.way_in(task(), estimate, here, np.inf, 0.7, left), task().room
+    least = loop_motions.LEAST_FOR_MOTION * room
+    assert used_up[0] >= least
+    if used_up[0] > least:
+        assert entry.bound + left + used_up[0] < 0.96 * room
+    assert (used_up[0] == least) == (left == 0.1)
+
+
 def test_the_way_back_is_not_sampled_where_the_way_there_was_slow(ways):
     on = ways[1]
     known = Seen().estimate
