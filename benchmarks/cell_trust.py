@@ -9,7 +9,8 @@ python -m benchmarks.cell_trust --judge trust.jsonl [trust_2.jsonl ...] [--page 
 Each seed is a task of its own (hole and start), a DLO, gripper, sheet and damping of its own that
 differ from what is stated, and its own moment and direction of what happens, see
 `dlo_planner.cell.cases`. The driver is the same in all cases and is not told which it is: it knows
-the standard deviations of what is unknown and of a camera without second cable or blind spells.
+the standard deviations of what is unknown, the noise of a camera without second cable or blind
+spells, and what is usual of its calibration and of its clock.
 Below the table stands what the runs show of each claim, by Clopper and Pearson's bounds with 95 %.
 """
 
@@ -19,6 +20,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from itertools import combinations
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter, process_time
@@ -33,11 +35,18 @@ from benchmarks.cell.drivers import Driver, Looking
 from benchmarks.cell.other_tasks import KINDS, draw_other
 from benchmarks.cell.run import Outcome, run
 from dlo_planner.cell.camera import BAD
-from dlo_planner.cell.cases import CASES, NOMINAL, case, strikes_inside
+from dlo_planner.cell.cases import CASES, FAULTS, JOINED, NOMINAL, case, strikes_inside
 from dlo_planner.cell.tasks import draw_task
 from dlo_planner.cell.truth import VERY_UNCERTAIN
+from dlo_planner.identify.estimator import EstimatorConfig
 
 DLO, RADIUS = 'wire 1.5', 5e-3
+# It knows the deviations of the DLO, of the robot and of the noise; of the camera's own errors and
+# of its clock it knows what is usual, the defaults of `EstimatorConfig`
+DRIVER = Looking.knowing(
+    VERY_UNCERTAIN, BAD, robot_position=NOMINAL.robot_position,
+    robot_rotation=NOMINAL.robot_rotation, **{name: getattr(EstimatorConfig(), name) for name in (
+        'bias', 'camera_rotation', 'stamps')})
 HEADS = ['case', 'runs', 'happened', 'clean', 'refused before the sheet', 'in it', 'touched',
          'rammed', 'missed', 'errors', 'covered', 'largest miss [mm]', 'promised there [mm]',
          'struck inside', 'CPU [s]']
@@ -50,7 +59,7 @@ def driven(name: str, seed: int, driver: Driver | None = None,
     Parameters
     ----------
     name : str
-        Name in CASES.
+        Name of a case, see `dlo_planner.cell.cases.case`.
     seed : int
     driver : callable, optional
         Driver. If None, the one of the closed loop.
@@ -59,8 +68,7 @@ def driven(name: str, seed: int, driver: Driver | None = None,
     """
     disturbances, camera = case(name, seed)
     if driver is None:
-        driver = Looking.knowing(VERY_UNCERTAIN, BAD, robot_position=NOMINAL.robot_position,
-                                 robot_rotation=NOMINAL.robot_rotation)
+        driver = DRIVER
     began = process_time()
     error, outcome = '', Outcome(seed, '')
     try:
@@ -131,7 +139,8 @@ def line(name: str, found: list[dict[str, Any]]) -> list[str]:
 
 def table(found: list[dict[str, Any]]) -> str:
     """Return the rows of all cases in Markdown, and below it in what the driver refused."""
-    names = [*CASES, *sorted({one['case'] for one in found} - {*CASES})]
+    listed = [*CASES, *FAULTS]
+    names = [*listed, *sorted({one['case'] for one in found} - {*listed})]
     by_case = {name: [one for one in found if one['case'] == name] for name in names}
     rows = report.markdown(HEADS, [line(name, of_it) for name, of_it in by_case.items() if of_it])
     causes = Counter((one['case'], one['phase'], one['refused'].split(':')[0])
@@ -236,8 +245,11 @@ def summarize(found: list[dict[str, Any]]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='benchmarks.cell_trust',
                                      description=__doc__.splitlines()[0])
-    parser.add_argument('--cases', nargs='+', choices=list(CASES), default=list(CASES),
-                        metavar='CASE', help=f'of {", ".join(CASES)}; default: all')
+    every = [*CASES, *FAULTS, *map(JOINED.join, combinations(FAULTS, 2))]
+    parser.add_argument('--cases', nargs='+', choices=every, default=[*CASES, *FAULTS],
+                        metavar='CASE', help=f'of {", ".join([*CASES, *FAULTS])}, or two of the '
+                        f'last {len(FAULTS)}, {" + ".join([*FAULTS][:2])!r}; default: each by '
+                        'itself')
     parser.add_argument('--tasks', nargs='+', choices=['thread', *KINDS], default=['thread'],
                         metavar='TASK', help=f'of thread, {", ".join(KINDS)}; default: thread')
     parser.add_argument('--seeds', default='0:100', help='from:to (default: %(default)s)')

@@ -18,8 +18,8 @@ COPIES = ('CONTRIBUTING.md', 'CHANGELOG.rst')
 TUTORIALS = {  # page -> scripts
     'predict_and_identify': ('predict', 'identify'), 'thread': ('thread', 'two_holes'),
     'contact': ('contact',), 'calm_motion_and_closed_loop': ('calm_motion', 'closed_loop'),
-    'cell_in_ros': ('cell_in_ros',), 'own_task_and_penalty': ('own_task', 'own_penalty'),
-    'many_tasks': ('many_tasks',)}
+    'own_loop': ('own_loop',), 'cell_in_ros': ('cell_in_ros',),
+    'own_task_and_penalty': ('own_task', 'own_penalty'), 'many_tasks': ('many_tasks',)}
 
 
 def cells(script: str) -> list[tuple[str, str]]:

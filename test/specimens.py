@@ -251,6 +251,10 @@ def arguments():
         'Correction.grippers': [LEVEL], 'stamps': [0.0, 1.0], 'time': 0.0,
         'gripper_at.stamp': 0.5, 'ClosedLoop.advanced.bound': 0.001, 'Observer.noise': 1e-3,
         'Observer.reopened.position': 2e-3, 'Observer.reopened.rotation': 0.02,
+        'centers': [[0.4, 0.0, 1.0]],
+        'Observer.reopened.kink': 0.02, 'Observer.reopened.camera': 2.0,
+        'Observer.reopened.cutout': 1e-3, 'camera_rotation': 1e-3, 'Observer.stamps': 0.05,
+        'Observer.update.velocity': [0.0, 0.0, 0.0, 0.1, 0.0, 0.0],
         'Observer.cutout': 1e-3, 'bias': 1e-3, 'outliers': 0.1, 'sway': 1e-3,
         'windows': [1.0, 0.5, 0.1], 'changes': (), 'correction': known['Correction'],
         # pictures and films

@@ -102,8 +102,9 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     instance('task', task, Task)
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 78])
     truth = instance('unknowns', unknowns, Unknowns).draw(rng)
-    viewer = None if camera is None else Viewer(instance('camera', camera, Camera), rng)
     instance('disturbances', disturbances, Disturbances)
+    truth = replace(truth, hole_shift=truth.hole_shift + disturbances.sheets_shift)
+    viewer = None if camera is None else Viewer(instance('camera', camera, Camera), rng)
     course = disturbances.draw(np.random.default_rng([seed, 79]))
     bodies = [replace(one, friction=disturbances.friction) for one in task.bodies]
 

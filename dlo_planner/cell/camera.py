@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.cell.plant import Plant
 from dlo_planner.errors import InvalidTask
@@ -24,6 +25,7 @@ _LONG_BEFORE = -60.0  # s: a run begins in the midst of spells
 # ends and sag
 _ALONG, _BESIDE, _SLACK = (-0.05, -0.9), (0.03, 0.12), (0.02, 0.1)
 _ROUNDING = 1e-9  # s
+_CARRIED_BY = 0.4  # of the length, before the hidden part: what a tracker moves that along with
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,6 +47,12 @@ class Camera(Value):
     noise: float = 1e-3  # standard deviation of each coordinate of each point, m
     # standard deviation of each coordinate of an error that is constant during a run, m
     bias: float = 0.0
+    # (3,) m, a further constant error, world axes
+    offset: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    # (3,) rad, rotation vector of a constant turn of all that it sees, world axes, and (3,) m, the
+    # point about which, from the center of the hole
+    turn: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    turned_about: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
     # number of points in each image, drawn evenly from the visible part of the DLO
     points: int = 20
     outliers: float = 0.0  # share of the points that are displaced to anywhere near the DLO
@@ -56,6 +64,9 @@ class Camera(Value):
     hidden: float = 0.0
     # share of the time in which the free third is hidden as well, in spells of 0.5 to 2 s
     blind: float = 0.0
+    # whether its tracker fills in the free third where it is hidden: with the places that it saw
+    # last, moved as a rigid body along with the rest of the DLO, without noise of their own
+    fills_in: bool = False
     stamp_error: float = 0.0  # by how much stamps are too late, s
     sees_hole: bool = False  # whether it looks at the hole as well, with the same noise and bias
 
@@ -69,7 +80,10 @@ class Camera(Value):
                 put(self, **{item.name: number(f'Camera.{item.name}', getattr(self, item.name),
                                                **limits.get(item.name, {'minimum': 0}))})
         put(self, points=integer('Camera.points', self.points, minimum=1, maximum=10_000),
-            sees_hole=flag('Camera.sees_hole', self.sees_hole))
+            sees_hole=flag('Camera.sees_hole', self.sees_hole),
+            fills_in=flag('Camera.fills_in', self.fills_in),
+            **{name: vector(f'Camera.{name}', getattr(self, name), 3)
+               for name in ('offset', 'turn', 'turned_about')})
         if self.outliers + self.second_cable > 1:
             raise InvalidTask(f'Camera.second_cable = {self.second_cable:g}: expected at most 1 '
                               f'together with outliers = {self.outliers:g}')
@@ -95,6 +109,8 @@ class Viewer:
         self._spells = _spells(camera.blind, self._own)
         self._spell = next(self._spells)
         self._second: tuple[Floats, Floats] | None = None
+        # s (k,) of nodes of the tracker, as parts of the length, and where they are (k, 3)
+        self._nodes: tuple[Floats, Floats] | None = None
         self._coming: list[tuple[float, Image]] = []
 
     def images(self, plant: Plant, cutout: CutOut) -> tuple[Image, ...]:
@@ -125,12 +141,41 @@ class Viewer:
         other = kind >= 1 - camera.second_cable
         if other.any():
             points[other] = self._on_second_cable(int(other.sum()), plant.length, cutout)
-        points += self._bias + camera.noise * rng.standard_normal(points.shape)
+        points = self._seen(points, cutout) + camera.noise * rng.standard_normal(points.shape)
+        if camera.fills_in:
+            points = self._tracked(plant, cutout, seen)
         hole = None
         if camera.sees_hole:
-            hole = vector('hole', cutout.center + plant.truth.shift_of(0) + self._bias
+            center = cutout.center + plant.truth.shift_of(0)
+            hole = vector('hole', self._seen(center, cutout)
                           + camera.noise * rng.standard_normal(3), 3)
         return Image(plant.time + camera.stamp_error, points, hole)
+
+    def _seen(self, places: Floats, cutout: CutOut) -> Floats:
+        """Return where places (..., 3) are seen but for noise."""
+        about = cutout.center + self._camera.turned_about
+        turn = Rotation.from_rotvec(self._camera.turn.copy()).as_matrix()
+        seen: Floats = (places - about) @ turn.T + about + self._camera.offset + self._bias
+        return seen
+
+    def _tracked(self, plant: Plant, cutout: CutOut, seen: float) -> Floats:
+        """Return the nodes (k, 3) of a tracker that sees the DLO up to a part of its length.
+
+        Those beyond are where they were, moved as the last ones before them were since then.
+        """
+        s = np.linspace(0, 1, self._camera.points)
+        own = self._own
+        now = self._seen(plant.points(plant.length * s), cutout) + (
+            self._camera.noise * own.standard_normal((s.size, 3)))
+        hidden = s > seen
+        if hidden.any() and self._nodes is not None:
+            known = self._nodes[1]
+            near = ~hidden & (s > seen - _CARRIED_BY)
+            middle = known[near].mean(axis=0), now[near].mean(axis=0)
+            turn, _ = Rotation.align_vectors(now[near] - middle[1], known[near] - middle[0])
+            now[hidden] = turn.apply(known[hidden] - middle[0]) + middle[1]
+        self._nodes = s, now
+        return now
 
     def _on_second_cable(self, count: int, length: float, cutout: CutOut) -> Floats:
         """Return places (count, 3) on a slack cable, a parabola."""

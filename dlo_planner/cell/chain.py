@@ -31,7 +31,8 @@ if not hasattr(mujoco.mjtIntegrator, 'mjINT_DISCRETE'):
 mujoco.set_mju_user_warning(lambda message: None)
 
 __all__ = ['DLO', 'SCENE', 'Chain', 'add_chain', 'add_far_grip', 'add_gripper', 'chain_of',
-           'mujoco', 'set_springs']
+           'mujoco', 'set_rest',
+           'set_springs']
 
 _GAUSS = np.polynomial.legendre.leggauss(5)
 _ORDERS = (1, 0, 2), (2, 0, 1)  # axes of the hinges in the order of the strains
@@ -168,10 +169,16 @@ def set_springs(model: mujoco.MjModel, chain: Chain) -> Floats:
     orders = np.array([_ORDERS[k % 2] for k in range(len(chain.masses))])
     stiffness = np.take_along_axis(chain.stiffness, orders, axis=1).ravel()
     model.jnt_stiffness[1:] = stiffness
-    model.qpos_spring[7:] = np.take_along_axis(chain.rest, orders, axis=1).ravel()
+    set_rest(model, chain.rest)
     # The solver's tolerance is relative to the mean inertia: here without that of the gripper.
     model.stat.meaninertia = chain.masses.mean() * chain.length**2 / 3
     return stiffness
+
+
+def set_rest(model: mujoco.MjModel, angles: Floats) -> None:
+    """Set the rest angles (n, 3), rad, of an MjModel's joints: torsion, about n, about b."""
+    orders = np.array([_ORDERS[k % 2] for k in range(len(angles))])
+    model.qpos_spring[7:] = np.take_along_axis(angles, orders, axis=1).ravel()
 
 
 def _add_geom(body: Any, chain: Chain, k: int, length: float) -> None:

@@ -38,8 +38,34 @@ class Slip(Value):
 
     def share(self, time: float) -> float:
         """Return which part of it has happened at a time in s, 0 to 1."""
-        x = min(max((time - self.time) / _SLIPS, 0.0), 1.0)
-        return x**3 * (10 - 15 * x + 6 * x**2)
+        return _begun(time - self.time)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Kink(Value):
+    """The DLO is bent for good at one place, smoothly within 50 ms, as a bump leaves a wire."""
+
+    time: float  # time at which it begins, s
+    angle: float = 0.02  # by which it is bent without stress afterwards, rad
+    place: float = 0.3  # part of the length; it is bent in the nearest joint
+    about: float = 0.0  # angle of the axis of the bend from the n axis of the section, rad
+
+    def __post_init__(self) -> None:
+        put(self, time=number('Kink.time', self.time, minimum=0),
+            angle=number('Kink.angle', self.angle), about=number('Kink.about', self.about),
+            place=number('Kink.place', self.place, minimum=0, maximum=1))
+        super().__post_init__()
+
+    def bend(self, time: float) -> Floats:
+        """Return the angles (2,) about n and b at a time in s, rad."""
+        return _begun(time - self.time) * self.angle * np.array(
+            [np.cos(self.about), np.sin(self.about)])
+
+
+def _begun(elapsed: float) -> float:
+    """Return which part of a sudden change has happened after some s, 0 to 1."""
+    x = min(max(elapsed / _SLIPS, 0.0), 1.0)
+    return x**3 * (10 - 15 * x + 6 * x**2)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,19 +138,25 @@ class Disturbances(Value):
     friction: float = 0.0  # friction of the sheet; the planner does without
     slips: tuple[Slip, ...] = ()
     bumps: tuple[Bump, ...] = ()
+    kinks: tuple[Kink, ...] = ()
+    # (3,) m, world axes, by which all sheets with their holes are elsewhere than the Truth says
+    sheets_shift: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         put(self, **{name: number(f'Disturbances.{name}', getattr(self, name), minimum=0)
                      for name in ('robot_position', 'robot_rotation', 'wander_position',
                                   'wander_rotation', 'lag', 'friction')})
         put(self, slips=items('Disturbances.slips', self.slips, Slip),
-            bumps=items('Disturbances.bumps', self.bumps, Bump))
+            bumps=items('Disturbances.bumps', self.bumps, Bump),
+            kinks=items('Disturbances.kinks', self.kinks, Kink),
+            sheets_shift=vector('Disturbances.sheets_shift', self.sheets_shift, 3))
         super().__post_init__()
 
     @property
     def times(self) -> tuple[float, ...]:
         """When something happens, s."""
-        return (*(slip.time for slip in self.slips), *(bump.time for bump in self.bumps))
+        return (*(slip.time for slip in self.slips), *(bump.time for bump in self.bumps),
+                *(kink.time for kink in self.kinks))
 
     def draw(self, rng: np.random.Generator) -> 'Course':
         """Return how the robot errs in one run."""
@@ -160,6 +192,10 @@ class Course(Value):
     def push(self, bump: Bump, time: float) -> float:
         """Return the force of one of its bumps at a time in s over its largest."""
         return bump.profile(time - self.since)
+
+    def bend(self, kink: Kink, time: float) -> Floats:
+        """Return the angles (2,) about n and b of one of its kinks at a time in s, rad."""
+        return kink.bend(time - self.since)
 
     def robot_error(self, place: Floats, rotation: Floats, time: float) -> tuple[Floats, Floats]:
         """Return a robot's shift (3,) in m and rotation vector (3,) in rad at a pose and time."""

@@ -40,7 +40,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from dlo_planner.cell.camera import Viewer
-from dlo_planner.cell.cases import CASES, UNKNOWNS, case, strikes_inside
+from dlo_planner.cell.cases import CASES, FAULTS, JOINED, UNKNOWNS, case, strikes_inside
 from dlo_planner.cell.disturbances import UNDISTURBED
 from dlo_planner.cell.plant import STEP, TOUCH, Passage, Plant
 from dlo_planner.cell.robot import Robot
@@ -95,9 +95,10 @@ class CellNode(Node):
         if values['unknown'] not in UNKNOWNS:
             raise DloPlannerError(f'parameter unknown = {values["unknown"]!r}: expected one of '
                                   f'{", ".join(UNKNOWNS)}')
-        if values['case'] not in ('', *CASES):
-            raise DloPlannerError(f'parameter case = {values["case"]!r}: expected \'\' or one of '
-                                  f'{", ".join(CASES)}')
+        if values['case'] not in ('', *CASES) and not {*values['case'].split(JOINED)} <= {*FAULTS}:
+            raise DloPlannerError(f'parameter case = {values["case"]!r}: expected \'\', one of '
+                                  f'{", ".join(CASES)}, or some of {", ".join(FAULTS)} with '
+                                  f'{JOINED!r} between them')
         self.task = draw_task(values['task'], values['dlo'], values['radius'] or None)
         self._values, self._lock, self._over = values, Lock(), Event()
         self._begin()
@@ -131,6 +132,7 @@ class CellNode(Node):
             disturbances, camera = case(self._values['case'], seed)
         rng = np.random.default_rng([seed, 78])
         truth = unknowns.draw(rng)
+        truth = replace(truth, hole_shift=truth.hole_shift + disturbances.sheets_shift)
         # nobody knows when a planner begins: what happens on the way waits for that
         course = replace(disturbances.draw(np.random.default_rng([seed, 79])), since=np.inf)
         bodies = [replace(one, friction=disturbances.friction) for one in self.task.bodies]

@@ -29,6 +29,7 @@ from dlo_planner.cell.chain import (
     add_gripper,
     chain_of,
     mujoco,
+    set_rest,
     set_springs,
 )
 from dlo_planner.cell.disturbances import Bump, Course
@@ -136,6 +137,7 @@ class Plant:
         for k in range(1, steps + 1):
             mujoco.mju_quatIntegrate(quaternion, twist[3:], seconds / steps)
             self._push(self.time + (k - 0.5) / steps * seconds)
+            self._bend(self.time + k / steps * seconds)
             self._advance(begin[0] + k / steps * (end[0] - begin[0]), quaternion, twist)
         if not np.abs(self._data.qvel).max() < _WILD:
             raise NotConverged(f'the motion of the DLO became unstable at {self.time:.3g} s')
@@ -297,6 +299,16 @@ class Plant:
                 if k not in self._pushes:
                     self._pushes[k] = self._force_of(bump)
                 self._data.xfrc_applied[self._piece(bump), :3] += size * self._pushes[k]
+
+    def _bend(self, time: float) -> None:
+        """Set what the kinks until a time in s leave of the DLO's rest."""
+        if self.course is None or not self.course.disturbances.kinks:
+            return
+        angles = self._chain.rest.copy()
+        for kink in self.course.disturbances.kinks:
+            joint = min(int(kink.place * len(angles)), len(angles) - 1)
+            angles[joint, 1:] += self.course.bend(kink, time)
+        set_rest(self._model, angles)
 
     def _piece(self, bump: Bump) -> int:
         """Return the number of the body that is pushed."""

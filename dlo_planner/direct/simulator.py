@@ -44,8 +44,8 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.basis import BASES, converging
 from dlo_planner.minimize.classic import METHODS
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, instance, integer, number, shown
-from dlo_planner.model.obstacles import Obstacle
+from dlo_planner.model.checks import choice, instance, integer, items, number, shown
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import STANDARD_GRAVITY, AnyLoad, FarEnd, Surroundings
@@ -265,6 +265,11 @@ class DirectSimulator(Value):
         if not self.obstacles:
             return self
         return self._with(replace(self.surroundings, obstacles=()), self._history)
+
+    def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Self:
+        """Return a simulator of the same DLO, set as it is, among other obstacles."""
+        around = items('obstacles', obstacles, OBSTACLES)
+        return self._with(replace(self.surroundings, obstacles=around), self._history)
 
     def with_friction(self, friction: float) -> Self:
         """Return a simulator of the same DLO, set as it is, all its obstacles with a friction."""

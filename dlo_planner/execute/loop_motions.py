@@ -49,6 +49,7 @@ _SLOWER = 1.0, 0.7, 0.5, 0.35, 0.25  # of the speed that limits allow, until
 _AT_MOST = 0.75     # of the room is what the DLO may miss at rest
 _OF_SPARE = 0.6     # part of the room that the bound leaves, which motion may use: far below 1 mm
                     # the search takes long and finds motions that take four times as long
+_FOR_CORRECTIONS = 0.05  # part of the room by which a bound may grow until the entry
 LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
 _OF_LIMITS = 0.95   # that motions are made for: the rest is for corrections
@@ -70,15 +71,32 @@ class LoopTask:
     """A task for a closed loop: the DLO hangs freely up to its entry, where its miss is judged.
 
     The entry is the first waypoint that passes a place of the task: a cut-out or the mouth of a
-    bore as the free end comes to it, a contact shortly before it is touched. InvalidTask: the task
-    passes no place, or by how much it may be missed is not stated.
+    bore as the free end comes to it, a contact shortly before it is touched.
+
+    Attributes
+    ----------
+    inverse : InverseSimulator
+        Of the DLO as stated, with its obstacles and its workspace.
+    task : Task
+        Task with its places as stated, its depths from 0 on.
+    standoff : float
+        Distance before the entry at which it looks again, m.
+    limits : Limits
+        Limits of the gripper.
+    most_off : float or None
+        By how much places without a size, contacts, may be missed, m.
+
+    Raises
+    ------
+    InvalidTask
+        The task passes no place, or by how much it may be missed is not stated.
     """
 
-    inverse: InverseSimulator  # of the DLO as stated, with its obstacles and its workspace
-    task: Task                 # with its places as stated; its depths from 0 on
-    standoff: float            # m before the entry, where it looks again
-    limits: Limits = Limits()  # of the gripper
-    most_off: float | None = None  # m, from places without a size: a contact
+    inverse: InverseSimulator
+    task: Task
+    standoff: float
+    limits: Limits = Limits()
+    most_off: float | None = None
 
     def __post_init__(self) -> None:
         if not (self.touches or cutouts_of(self.task)):
@@ -114,6 +132,11 @@ class LoopTask:
         return min(rooms)
 
     @property
+    def room_at_rest(self) -> float:
+        """What of the room the DLO may miss at rest, m: the rest is kept for how it moves."""
+        return (1 - LEAST_FOR_MOTION) * self.room
+
+    @property
     def motion_limits(self) -> Limits:
         """Limits that motions are made for."""
         return Limits(*map(float, (_OF_LIMITS * self.limits.sizes).ravel()))
@@ -126,8 +149,11 @@ class LoopTask:
     def ways(self, estimate: Estimate, here: Pose, standoff: float) -> tuple[Plan, Plan]:
         """Return the way to the entry, and on from there, in true poses of the estimated DLO."""
         known, start = self.inverse, estimate.actual(here)
-        inverse = InverseSimulator(known.simulator.with_rod(estimate.rod),
-                                   workspace=known.workspace,
+        simulator = known.simulator.with_rod(estimate.rod)
+        if not self.touches:  # the obstacle that is touched stands where it is stated
+            simulator = simulator.with_obstacles(estimate.moved_obstacles(
+                simulator.obstacles, np.array([one.center for one in cutouts_of(self.task)])))
+        inverse = InverseSimulator(simulator, workspace=known.workspace,
                                    allow_plastic=known.requirements.allow_plastic)
         if isinstance(self.task, HoldContact | SlideContact):
             return way_onto(inverse, self.task, start, standoff, self.room)
@@ -252,8 +278,12 @@ def way_to_standoff(task: LoopTask, estimate: Estimate, here: Pose) -> GripperMo
     return _motion(task, estimate, truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE))
 
 
-def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float, lag: float) -> Entry:
-    """Return the way from a measured pose at the standoff to the depth."""
+def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float, lag: float,
+           left: float = 0.0) -> Entry:
+    """Return the way from a measured pose at the standoff to the depth.
+
+    The DLO still swings by `left`, m, which counts as well: motion may use what that leaves.
+    """
     way, through = task.ways(estimate, here, 0.0)
     whole, commanded = concatenate(replace(way, stops=()), through), commanded_of(through, estimate)
     there = [shape for shape in whole.shapes if shape.far_end is None and not shape.contacts][-1]
@@ -272,7 +302,9 @@ def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float, lag: flo
     at_most, limits = min(tried, key=lambda one: one[0])
     if at_most > most and bound_in(quick, -0.5 * quick.windows.sum()) > most:  # however slow it is
         return Entry(estimate, at_most, whole, commanded, None)
-    tolerance = max(LEAST_FOR_MOTION * task.room, _OF_SPARE * (task.room - at_most))
+    spare = task.room - at_most
+    tolerance = max(LEAST_FOR_MOTION * task.room,
+                    min(_OF_SPARE * spare, spare - left - _FOR_CORRECTIONS * task.room))
     trajectory = _trajectory(task, whole, tolerance, limits)
     motion = GripperMotion(estimate, trajectory, there, swing_of(trajectory, estimate, whole))
     bound = bound_in(motion.steered)

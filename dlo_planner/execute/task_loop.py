@@ -32,7 +32,6 @@ from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled, Feedback, Guards
 from dlo_planner.execute.loop_motions import (
     FARTHEST,
-    LEAST_FOR_MOTION,
     Calming,
     Entry,
     GripperMotion,
@@ -66,16 +65,49 @@ _OF_STANDOFF = 0.2  # by which a gripper may move to take a swing away
 _CALMINGS = 6       # in one look
 _CLOSELY = 1.5      # s before the entry, in which each cloud is looked at: a slip has to be seen
 _PLANNED = 1e-4     # m, by which a plan misses centers and says so
+_MUCH = 1.5         # times as far off as stated: a camera that is said to be the cause
 _UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the past
 
 
 class TaskLoop:
-    """One task in a closed loop, see the module.
+    """One task in a closed loop: it looks, plans, goes, corrects and enters, or stops and says why.
 
-    What is seen goes to its `observing`, whoever hands it in; what is measured of the gripper to
-    `gripper`. The gripper stands at `here`, measured; commands are poses of the robot's tool frame,
-    in which the gripper has the Pose `tool`. `look` is the duration of a look at rest, s; `period`,
-    `horizon`, `limits` and `guards` as of `Execution`.
+    It knows no clock, no message and no thread. What is seen goes to its `observing`, whoever hands
+    it in; what is measured of the gripper to `gripper` and to `observing`; `tick` returns what to
+    command. Stamps and times are of one clock, in s.
+
+    Parameters
+    ----------
+    task : LoopTask
+        The task, among its obstacles.
+    observing : DloEstimator
+        What is seen of the DLO.
+    here : Pose
+        Where the gripper stands, measured.
+    tool : Pose, optional
+        Pose of the gripper in the robot's tool frame, whose poses are commanded. If None, they are
+        the same.
+    guards : Guards, optional
+        What stops a motion. If None, nothing but the loop itself does.
+    limits : Limits, optional
+        Limits of commands. If None, those of the task.
+    look : float, optional
+        Duration of a look at rest, s: the DLO should swing a few times in it.
+    period : float, optional
+        Between two commands, s.
+    horizon : float, optional
+        Coming motion of which the robot is told ahead, s.
+    frame_id : str, optional
+        Frame of the poses, for messages.
+
+    Attributes
+    ----------
+    promised : float
+        Largest miss that is expected, m, with 95 %; nan before the entry is planned.
+    cause, reason : Cause and str
+        Why it stopped, once `phase` is STOP.
+    execution : Execution or None
+        The motion under way; None: the gripper stands.
     """
 
     def __init__(self, task: LoopTask, observing: DloEstimator, here: Pose, *,
@@ -291,8 +323,9 @@ class TaskLoop:
         task, estimate = self._task, self.observing.estimate
         self._done = None
         if not isinstance(done, Entry | GripperMotion):
-            most = (1 - LEAST_FOR_MOTION) * task.room
-            self._work = (partial(way_in, task, estimate, self._here, most, self._lag)
+            left = max(self._left, self.observing.swing)
+            self._work = (partial(way_in, task, estimate, self._here, task.room_at_rest, self._lag,
+                                  left)
                           if self._loop.at_standoff else
                           partial(way_to_standoff, task, estimate, self._here))
             return
@@ -419,27 +452,39 @@ class TaskLoop:
         if loop.phase is not Phase.STOP or before.phase is Phase.STOP:
             return
         if before.phase is Phase.LOOK:
+            hole = ('; the cut-out is seen farther off than observe.cutout allows, or it moves'
+                    if self.observing.cutout_suspect else '')
             self._end(Cause.LOOKS_DISAGREE, 'looks at the DLO do not agree with each other, or '
                       f'there are none, for {loop.patience:g} s: it swings, or touches something, '
-                      'or the robot is elsewhere than it says', time)
+                      f'or the robot is elsewhere than it says{hole}', time)
         elif loop.tries > loop.most_tries and not self._misses:
             self._end(Cause.LOOKS_DISAGREE, 'looks at the DLO do not agree with what was expected '
                       f'of it, {loop.tries} times: it slips, swings or touches something, or the '
                       'robot is elsewhere than it says', time)
         elif self._entry is not None:
             entry, moves, planned = self._entry, '', ''
+            most = f'the room of {self._task.room:.3g} m'  # what was judged
             place = 'the place that it touches' if self._task.touches else 'the center'
             bound = self.promised if self._misses else entry.bound
             if entry.motion is not None:
                 added = self._left + entry.moves
                 bound += 0.0 if self._misses else added
                 moves = f', {added:.3g} m of it by motion'
+            elif not self._misses:
+                most = f'{self._task.room_at_rest:.3g} m at rest, of {most}'
             if entry.planned > _PLANNED:
                 planned = (f'; as planned it misses by {entry.planned:.3g} m, no pose of the '
                            'gripper leads it through all centers')
             self._end(Cause.MISS_EXPECTED, f'the DLO may miss {place} by {bound:.3g} m (95 %'
-                      f'{moves}): expected at most the room of {self._task.room:.3g} m{planned}',
-                      time)
+                      f'{moves}): expected at most {most}{planned}{self._camera_reason()}', time)
+
+    def _camera_reason(self) -> str:
+        """Return in words what is wrong with the camera, '' if nothing is known to be."""
+        scale = self.observing.estimate.camera_scale
+        if scale < _MUCH:
+            return ''
+        return (f'; as looks tell, the camera is {scale:.2g} times as far off as observe.bias and '
+                'observe.camera_rotation state: calibrate it, or let it see the cut-out as well')
 
     # ---- corrections ----------------------------------------------------------------------------
 

@@ -180,9 +180,8 @@ def _violation(aim: _Aim, plan: Plan, shapes: dict[int, Shape], grippers: dict[i
     """Return the first demand that a corrected waypoint breaks, in words, '' if none."""
     moved = [(moved_sheet(sheet, aim.shift), normal) for sheet, normal in plan.sheets]
     demands = inverse.demands(plan)
-    demands = replace(demands, obstacles=tuple(  # the holes are where they are estimated
-        next((now for (sheet, _), (now, _) in zip(plan.sheets, moved, strict=True)
-              if sheet == body), body) for body in demands.obstacles))
+    demands = replace(demands, obstacles=aim.estimate.moved_obstacles(demands.obstacles, np.array([
+        center for passes in plan.via_points for center, _, _ in passes]).reshape(-1, 3)))
     holes = Bodies(moved, (), demands.surface)
     for k, commanded in sorted(grippers.items()):
         shape = shapes.get(k, plan.shapes[k])

@@ -8,8 +8,8 @@ plan.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any, cast
 
@@ -19,10 +19,11 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.uncertain_state import PointSlopes, UncertainState
+from dlo_planner.identify.uncertain_state import CameraError, PointSlopes, UncertainState
 from dlo_planner.inverse.plain_tasks import write_value
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import (
+    array,
     figure,
     flag,
     instance,
@@ -35,12 +36,13 @@ from dlo_planner.model.checks import (
     vector,
 )
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, put
 from dlo_planner.pictured import Reported
 from dlo_planner.plan.goals import Through
-from dlo_planner.plan.plan import Passes, Plan, passages
+from dlo_planner.plan.plan import Passes, Plan, moved_sheet, passages
 
 _LEAST_LINK = 1e-3  # of the robot's time or way: links between errors stay regular
 _ROUGH = 2.5      # times the way of a smooth process: then both change alike in that way
@@ -49,6 +51,7 @@ _SHARE = 0.95     # probability that a bound is kept
 _POINTS = 1024    # that represent a normal distribution in a plane
 _DRAWN = 4096     # misses at all waypoints together
 _OTHER = 0.1      # of the length: a shape whose length differs by more is of another DLO
+_SAME_CENTER = 1e-9  # m: centers of one cut-out, but for rounding
 _LEVER = 0.25     # m, of a turn: about that of a wrist, whose joints cause the error
 
 
@@ -378,8 +381,29 @@ class Estimate(Reported):
 
     @property
     def camera_bias(self) -> Floats:
-        """Estimated bias (3,) of the camera, seen minus true, m, world axes."""
-        return self.uncertain.camera(self.mean)
+        """Estimated bias (3,) of the camera at its reference point, seen minus true, m."""
+        return self.camera_error.bias
+
+    @property
+    def camera_error(self) -> CameraError:
+        """Estimated error of the camera: how it sees what is anywhere else."""
+        reference = None if self._memory is None else self._memory.reference
+        return self.uncertain.camera(self.mean, np.zeros(3) if reference is None else reference)
+
+    @property
+    def camera_scale(self) -> float:
+        """How many times as far off as stated the camera is taken to be, at least 1.
+
+        The most likely multiple of the deviations of its bias and of its rotation together: where
+        looks tell that one of them is farther off, what no look tells of the others is less certain
+        as well.
+        """
+        return 1.0 if self._memory is None else float(self._memory.camera_scale)
+
+    @property
+    def delay(self) -> float:
+        """Estimated delay of the stamps of looks, s."""
+        return self.uncertain.delay(self.mean)
 
     def actual(self, gripper: Pose) -> Pose:
         """Return the estimated true Pose of the gripper that is commanded to `gripper`."""
@@ -398,8 +422,26 @@ class Estimate(Reported):
     def moved_cutout(self, cutout: CutOut) -> CutOut:
         """Return a stated CutOut, moved to its estimated true place."""
         pose = instance('cutout', cutout, CutOut).pose
-        return CutOut(Pose.from_rotation(self.center(pose.position), pose.rotation),
-                      cutout.radius, cutout.width, cutout.height)
+        return replace(cutout, pose=Pose(self.center(pose.position), pose.quaternion))
+
+    def moved_obstacles(self, obstacles: Iterable[Obstacle],
+                        centers: ArrayLike) -> tuple[Obstacle, ...]:
+        """Return obstacles where they are estimated: a sheet moves along with its cut-outs.
+
+        Parameters
+        ----------
+        obstacles : iterable
+            As stated.
+        centers : array_like, shape (k, 3)
+            Centers, as stated, of the cut-outs that are seen, m: sheets with one of these move,
+            what else stands around does not.
+        """
+        shift, seen = self.center(np.zeros(3)), array('centers', centers, (None, 3))
+        bodies = items('obstacles', obstacles, OBSTACLES)
+        return tuple(
+            moved_sheet(body, shift) if isinstance(body, Sheet) and any(
+                (np.abs(seen - one.center).max(axis=1, initial=0.0) <= _SAME_CENTER).any()
+                for one in body.cutouts) else body for body in bodies)
 
     def shape(self, gripper: Pose) -> Shape:
         """Return the estimated Shape of the DLO with the gripper commanded to `gripper`.

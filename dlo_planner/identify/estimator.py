@@ -22,11 +22,14 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
+from dlo_planner.identify.carried import carried
 from dlo_planner.identify.estimate import Estimate, way_between
 from dlo_planner.identify.observation import Observation, gripper_at
 from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.identify.residuals import point_residuals
+from dlo_planner.identify.smoother import WORST_CAMERA, LookErrors
+from dlo_planner.identify.uncertain_state import CAMERA, CameraError
 from dlo_planner.identify.vibration import STATED, FreeVibration, enough
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
@@ -55,32 +58,85 @@ _DOUBT, _OF = 2, 8   # looks that disagree, of the last ones: fewer are left to 
 _OFTEN = 0.06        # s between two clouds that tell of a vibration
 _CLOUDS = 50         # by which a vibration is told
 _NO_CHANCE = 10.0    # times the surprise that one look in 10,000 exceeds
+# of the stamps' error: what is another one in each look, of which filters and queues make some
+# 20 ms
+_JITTER = 0.4
 _FAR = 6.0           # deviations along an axis by which a cut-out may be seen off
 
 
 @dataclass(frozen=True)
 class EstimatorConfig:
-    """How well the camera sees, and how uncertain the DLO is; m, rad and s, see `Observer`."""
+    """How well the camera sees, how uncertain the DLO is, and how often it is looked at.
 
-    spread: Uncertainty = field(default_factory=Uncertainty)  # and how the gripper holds it
+    Deviations are standard deviations of what is independent and normal; see `Observer`.
+
+    Attributes
+    ----------
+    spread : Uncertainty
+        Of the DLO, and of how the gripper holds it.
+    noise : float
+        Of a seen point along each axis, m.
+    bias : float
+        Of the camera's constant error along each axis, m. Where looks tell that a camera is farther
+        off than `bias` and `camera_rotation` state, both count as larger alike
+        (`Estimate.camera_scale`).
+    camera_rotation : float
+        Of the camera's constant rotation about each axis, rad.
+    outliers : float
+        Part of the points that are none of the DLO's.
+    sway : float
+        Of the free end about its rest while the gripper stands, m.
+    cutout : float
+        Of the place of each cut-out along each axis, m; 0: it is where it is stated.
+    stamps : float
+        Of the constant delay of the stamps of clouds, s; they are taken as wrong by 0.4 times as
+        much more, another one in each.
+    robot_position, robot_rotation : float
+        Of the robot's error, m along and rad about each axis.
+    robot_way, robot_time : float
+        Way, m, and time, s, in which that error changes.
+    slip_position, slip_rotation : float
+        How far the DLO may have slipped in the gripper where looks do not agree any more, m along
+        and rad about each axis.
+    kink : float
+        By how much it may be bent for good then, about each axis of its section, at any one place,
+        rad.
+    period : float
+        Between two clouds that are looked at, s.
+    correct : bool
+        Whether what is executed is corrected.
+    correction_period : float
+        Between two corrections, s.
+    largest_correction : float
+        By which a gripper may be displaced, m: a plan that is farther off has to be made anew.
+    """
+
+    spread: Uncertainty = field(default_factory=Uncertainty)
     noise: float = 1e-3
-    bias: float = 0.0
+    # Hand-eye calibrations leave millimeters and up to some tenths of a degree, by method and
+    # motions (compared by Enebuse et al. 2022, PLOS ONE 17, e0273261): these are those of a careful
+    # one, 1.7 mm and 0.05 degrees in all, assumed and not measured by us. Larger ones are told by
+    # looks and then count as larger. A rotation of 3 mrad from the beginning would keep a wire of
+    # 1 m out of any hole of 10 mm that the camera does not see
+    bias: float = 1e-3
+    camera_rotation: float = 5e-4
     outliers: float = 0.1
     sway: float = 5e-4
-    cutout: float = 0.0    # how well the place of a cut-out is known
-    stamps: float = 0.02   # by which stamps of clouds may be wrong
+    cutout: float = 0.0
+    # Exposure, transfer and processing take one to three images of a camera with 30 in a second,
+    # and seldom all of it is taken off
+    stamps: float = 0.05
     robot_position: float = 2e-4
     robot_rotation: float = 3e-4
     robot_way: float = 0.4
     robot_time: float = np.inf
-    # how far the DLO may slip in the gripper, along and about each axis: what is looked for where
-    # looks do not agree any more
     slip_position: float = 5e-3
     slip_rotation: float = 0.05
-    period: float = 0.2    # between two clouds that are looked at
-    correct: bool = True   # whether what is executed is corrected
+    kink: float = 0.1
+    period: float = 0.2
+    correct: bool = True
     correction_period: float = 0.5
-    largest_correction: float = 0.02  # a plan that is farther off has to be made anew
+    largest_correction: float = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,20 +179,50 @@ class Swing:
 class DloEstimator:
     """The Estimate of a DLO from all that was seen since the last `reset`; for several threads.
 
-    `known`: the Estimate by which the DLO was stated so; what that was sure of stays sure.
+    Parameters
+    ----------
+    simulator : DirectSimulator
+        Of the DLO as stated. Obstacles are left out: what is looked at hangs freely.
+    seeing : EstimatorConfig
+        How well the camera sees, and how uncertain the DLO is.
+    known : Estimate, optional
+        Estimate by which the DLO was stated so; what that was sure of stays sure.
+
+    Attributes
+    ----------
+    estimate : Estimate
+        The newest one of looks that agree; the prior before any.
+    off : float
+        Median distance of the points of the last look from the DLO as it is estimated, m; nan
+        before any.
+    surprise : float
+        Of the last look, see `Estimate`; infinite: no equilibrium explains it.
+    seen, looked : float
+        Stamps, s, of the last look that agreed, and of any.
+    closely : bool
+        Whether all clouds are looked at: a slip has to be seen soon.
+
+    Raises
+    ------
+    InvalidTask
+        Nothing of the DLO is uncertain, or an argument makes no sense.
     """
 
     def __init__(self, simulator: DirectSimulator, seeing: EstimatorConfig,
                  known: Estimate | None = None) -> None:
         self.seeing = seeing
+        if seeing.spread == Uncertainty() and not seeing.cutout:
+            raise InvalidTask(f'seeing.spread, the uncertainty of the DLO, = {seeing.spread!r}: '
+                              'expected a deviation above 0, there is nothing to be told by looks')
         self._observer = Observer(simulator, seeing.spread, noise=seeing.noise, bias=seeing.bias,
+                                  camera_rotation=seeing.camera_rotation, stamps=seeing.stamps,
                                   cutout=seeing.cutout, outliers=seeing.outliers,
                                   sway=seeing.sway, robot_position=seeing.robot_position,
                                   robot_rotation=seeing.robot_rotation,
                                   robot_way=seeing.robot_way, robot_time=seeing.robot_time)
         self._first = self._observer.begin()
         if known is not None and known.names == self._first.names:
-            self._first = replace(self._first, covariance=known.covariance)
+            self._first = replace(self._first, covariance=self._of_dlo(known.covariance))
         self._lock = Condition()
         self._clouds: deque[tuple[float, Floats]] = deque(maxlen=_CLOUDS)  # (stamp, points)
         self._swing: tuple[Swing, Callable[[float], float]] | None = None
@@ -156,8 +242,17 @@ class DloEstimator:
 
     @property
     def doubted(self) -> bool:
-        """Whether two of the last eight looks do not agree with the estimate, or one not at all."""
-        return sum(self._disagree) >= _DOUBT or _NO_CHANCE < self.surprise < np.inf
+        """Whether two of the last eight looks do not agree with the estimate, or one not at all.
+
+        Looks at the DLO, and those at the cut-out.
+        """
+        return (sum(self._disagree) >= _DOUBT or _NO_CHANCE < self.surprise < np.inf
+                or self.cutout_suspect)
+
+    @property
+    def cutout_suspect(self) -> bool:
+        """Whether the cut-out is seen where it cannot be, or no more where it was seen before."""
+        return self._hole_moved or sum(self._holes_disagree) >= _DOUBT
 
     def bent(self, stamp: float, gripper: Pose) -> tuple[Floats, float] | None:
         """Return by how much (k, 3), m, a DLO in a known motion is off its rest at a stamp, s.
@@ -175,14 +270,23 @@ class DloEstimator:
         """Forget what was seen since it began."""
         with self._lock:
             self._clouds.clear()
+            self._reopened: Estimate | None = None
             self._begin(self._first)
 
     def reopen(self, stamp: float = -np.inf) -> None:
-        """Take the DLO as one that may have slipped, from a stamp (s) on; the rest stays known."""
+        """Take the DLO as one that may have slipped or been bent, from a stamp (s) on.
+
+        The rest stays known, unless it is in doubt: the camera where no look has ever agreed, for
+        then it is not the DLO that changed; the place of the cut-out where it was seen elsewhere.
+        """
         with self._lock:
-            seeing = self.seeing
-            self._begin(self._observer.reopened(self.estimate, seeing.slip_position,
-                                                seeing.slip_rotation))
+            if self.estimate is not self._reopened:  # else there was no look since
+                seeing = self.seeing
+                self._reopened = self._observer.reopened(
+                    self.estimate, seeing.slip_position, seeing.slip_rotation, kink=seeing.kink,
+                    camera=0.0 if self.estimate.looks else WORST_CAMERA,
+                    cutout=seeing.slip_position if self.cutout_suspect else 0.0)
+            self._begin(self._reopened)
             self._resting = stamp
 
     def ignore(self) -> None:
@@ -201,7 +305,20 @@ class DloEstimator:
         near = estimate.shape(gripper)  # in equilibrium to what a look needs, not a vibration
         shape = estimate.simulator.solve(near.gripper, near if near.converged else None)
         return None if not shape.converged else FreeVibration.of(
-            shape, [(stamp, points - estimate.camera_bias) for stamp, points in clouds], factor)
+            shape, [(stamp, estimate.camera_error.undone(points)) for stamp, points in clouds],
+            factor)
+
+    def _of_dlo(self, covariance: Floats) -> Floats:
+        """Return the prior (n, n) with what a covariance knows of the DLO and of its gripper.
+
+        Of the camera and the cut-out it knew their errors as well, which are forgotten.
+        """
+        uncertain = self._observer.uncertain
+        other = np.concatenate([uncertain.columns(name)[0] for name in (*CAMERA, 'cutout')])
+        covariance = np.array(covariance)
+        covariance[other] = covariance[:, other] = 0.0
+        covariance[other, other] = uncertain.deviations[other]**2
+        return covariance
 
     def _begin(self, estimate: Estimate) -> None:
         self.estimate = estimate  # the newest one of looks that agree; the prior before any
@@ -210,27 +327,44 @@ class DloEstimator:
         self.off = self.surprise = np.nan
         self.seen = self.looked = -np.inf  # stamps, s, of the last look that agreed, and of any
         self._disagree: deque[bool] = deque(maxlen=_OF)  # whether the last looks did
+        self._carries = False  # whether points of the last look were carried along, and not seen
+        self._holes_disagree: deque[bool] = deque(maxlen=_OF)  # the same, at the cut-out
+        self._holes: deque[Floats] = deque(maxlen=_OF)  # where it was seen
+        self._hole_moved = False  # whether that is, on the mean, elsewhere than all looks tell
         self._swing, self._resting = None, -np.inf
         self._ends: list[tuple[float, ...]] = []  # off their rest, m, and the variance of each
-        # where the gripper stands, the shape at rest there, the bias of the camera by which it is
-        self._rest: tuple[Pose, Shape, Floats] | None = None
+        # where the gripper stands, the shape at rest there, the camera's error by which it is
+        self._rest: tuple[Pose, Shape, CameraError] | None = None
 
     def moves(self, swing: Swing, time_at: Callable[[float], float]) -> None:
         """Take in how the DLO bends in a motion that begins; `time_at`: stamp -> its time, s."""
         self._swing = swing, time_at
 
     def hole(self, stated: Floats, seen: Floats) -> None:
-        """Take in where a cut-out's center was seen (unless `seeing.cutout` is 0)."""
+        """Take in where a cut-out's center was seen (unless `seeing.cutout` is 0).
+
+        One that is seen where it cannot be is not believed, nor is one that is no more where it was
+        seen before; two of the last eight are a doubt.
+        """
         seeing = self.seeing
         if not seeing.cutout:
             return
         off = float(np.linalg.norm(seen - stated))
         most = _FAR * float(np.sqrt(seeing.cutout**2 + seeing.bias**2 + seeing.noise**2))
         if not off <= most:
+            self._holes_disagree.append(True)
             raise InvalidTask(f'the cut-out was seen {off:.3g} m from where it is stated: expected '
                               f'{most:.3g} m at most, by observe.cutout = {seeing.cutout:g} m')
         with self._lock:
-            self.estimate = self._observer.see_cutout(self.estimate, stated, seen)
+            surprise = self._observer.cutout_surprise
+            agrees = not self._holes or surprise(self.estimate, stated, seen) <= 1
+            self._holes.append(seen)
+            self._holes_disagree.append(not agrees)
+            if len(self._holes) == _OF:  # what is hidden by the noise of one look
+                self._hole_moved = surprise(self.estimate, stated, np.mean(self._holes, axis=0),
+                                            seeing.noise / np.sqrt(_OF)) > 1
+            if agrees:
+                self.estimate = self._observer.see_cutout(self.estimate, stated, seen)
 
     def gripper(self, stamp: float, pose: Pose) -> None:
         """Take in where the gripper frame was at a stamp (s), if it is newer than the last.
@@ -265,26 +399,39 @@ class DloEstimator:
                               f'which gripper poses are known: {span}')
         stamps, poses = zip(*known, strict=True)
         _judge_gap(stamps, poses, stamp)
-        sway, late = self._own(stamps, poses, stamp)
-        gripper = gripper_at(stamps, poses, stamp)
-        moving, bent = self.bent(stamp, gripper), None
+        sway, velocity = self._own(stamps, poses, stamp)
+        gripper, delay = gripper_at(stamps, poses, stamp), estimate.delay
+        moving, bent = self.bent(stamp - delay, gripper), None
         if moving is not None:
             bent, sway = moving[0], float(np.hypot(self.seeing.sway, _UNKNOWN * moving[1]))
         chosen = np.unique(np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).astype(
             int))
-        seen = Observation(gripper, points[chosen])
+        cloud = points[chosen]
         with self._lock:
-            self._clouds.append((stamp, seen.points))
+            before = self._clouds[-1][1] if self._clouds else cloud
+            self._clouds.append((stamp, cloud))
             if stamp < self._resting:
                 return estimate
+        own = ~carried(before, cloud)
+        with self._lock:
+            if not own.all() and not self._carries and self._disagree:
+                self._disagree[-1] = False  # then some were carried in that cloud as well
+            self._carries = not own.all()
+        if own.sum() < _LEAST_POINTS:
+            raise InvalidTask(f'observed_points: {own.sum()} of {own.size} points move against '
+                              f'each other: expected {_LEAST_POINTS} at least, the others are '
+                              'carried along by the tracker, and not seen')
+        seen = Observation(gripper, cloud[own])
         elapsed = max(stamp - self.seen, 0.0) if np.isfinite(self.seen) else 0.0
-        after = self._observer.update(estimate, seen, elapsed=elapsed, sway=sway, late=late,
-                                      bent=bent)
+        after = self._observer.update(estimate, seen, elapsed=elapsed, sway=sway,
+                                      late=_JITTER * self.seeing.stamps * velocity,
+                                      velocity=velocity, bent=bent)
         shape = after.last_shape if after.agrees else estimate.shape(gripper)
         if shape is not None and not shape.converged:
             shape = None
-        bias = (after if after.agrees else estimate).camera_bias
-        off = np.inf if shape is None else _median_distance(shape, seen.points - bias)
+        by = after if after.agrees else estimate
+        off = np.inf if shape is None else _median_distance(
+            shape, _places(by, seen, velocity))
         with self._lock:
             if self.estimate is not estimate:  # it was reset meanwhile
                 return self.estimate
@@ -302,9 +449,9 @@ class DloEstimator:
     def _swung(self, seen: Observation, shape: Shape) -> None:
         """Take in where the free end is in a look; a point at s swings by (s / L)^2 of it."""
         if self._rest is None or way_between(self._rest[0], seen.gripper) > _SAME:
-            self._rest, self._ends = (seen.gripper, shape, self.estimate.camera_bias), []
-        _, rest, bias = self._rest
-        away, s, *_ = point_residuals(rest, seen.points - bias)
+            self._rest, self._ends = (seen.gripper, shape, self.estimate.camera_error), []
+        _, rest, camera = self._rest
+        away, s, *_ = point_residuals(rest, camera.undone(seen.points))
         size = np.linalg.norm(away, axis=1)
         own = size <= _OWN * np.median(size)
         share = (s[own] / rest.s[-1]) ** 2
@@ -314,7 +461,7 @@ class DloEstimator:
 
     def _own(self, stamps: Sequence[float], poses: Sequence[Pose],
              stamp: float) -> tuple[float, Floats]:
-        """Return the sway, m, and how the gripper moves while the stamp may be wrong (6,).
+        """Return the sway, m, and how the gripper moves (6,), rad/s and m/s.
 
         Inertia bends the DLO like a part of its weight, by the acceleration in the last swing.
         """
@@ -324,7 +471,17 @@ class DloEstimator:
         acceleration = max(one.acceleration for one in found)
         bent = _SAG * rod.length * max(acceleration - _EVEN, 0.0) / _WEIGHT
         moves = found[0].twist * (found[0].speed > _STILL)
-        return float(np.hypot(seeing.sway, bent)), seeing.stamps * moves
+        return float(np.hypot(seeing.sway, bent)), moves
+
+
+def _places(estimate: Estimate, seen: Observation, velocity: Floats) -> Floats:
+    """Return the true places (m, 3) of what was seen, m, at its stamp.
+
+    The gripper moved with a velocity (6,), rad/s and m/s, and the DLO along with it.
+    """
+    found = estimate.camera_error.undone(seen.points)
+    errors = LookErrors(velocity=tuple(velocity.tolist()))
+    return found + estimate.delay * errors.behind(found, seen.gripper)
 
 
 def _judge_gap(stamps: Sequence[float], poses: Sequence[Pose], stamp: float) -> None:

@@ -25,9 +25,11 @@ from dlo_planner.identify.smoother import (
     LookErrors,
     LookUpdate,
     estimate_of,
+    limit_of,
     window_of,
 )
-from dlo_planner.identify.uncertain_state import UncertainState
+from dlo_planner.identify.uncertain_state import CAMERA, UncertainState, turning
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, instance, integer, number, vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
@@ -51,6 +53,11 @@ class Observer(Value):
         Standard deviation of a seen point along each axis, m.
     bias : float, optional
         Standard deviation of the camera's constant error along each world axis, m.
+    camera_rotation : float, optional
+        Standard deviation of the camera's constant rotation about each world axis, rad.
+    stamps : float, optional
+        Standard deviation of the constant delay by which the stamps of looks are wrong, s. It is
+        told by looks in motion, see `update`.
     cutout : float, optional
         Standard deviation of the place of each cut-out along each world axis, m. Several are off
         independently; `see_cutout` is of the only one.
@@ -88,7 +95,8 @@ class Observer(Value):
                  noise: float = 0.001, bias: float = 0.0, cutout: float = 0.0,
                  outliers: float = 0.1, sway: float = 0.0, robot_position: float = 0.0,
                  robot_rotation: float = 0.0, robot_way: float = 0.4,
-                 robot_time: float = np.inf, n_terms: int = 6) -> None:
+                 robot_time: float = np.inf, n_terms: int = 6, camera_rotation: float = 0.0,
+                 stamps: float = 0.0) -> None:
         if isinstance(simulator, Rod):
             simulator = DirectSimulator(simulator)
         simulator = clamping('simulator', simulator)
@@ -98,7 +106,9 @@ class Observer(Value):
         instance('uncertainty', uncertainty, Uncertainty)
         uncertain = UncertainState(simulator.elastic().without_obstacles(), uncertainty,
                               integer('n_terms', n_terms, minimum=1, maximum=20),
-                              number('bias', bias, minimum=0), number('cutout', cutout, minimum=0))
+                              number('bias', bias, minimum=0), number('cutout', cutout, minimum=0),
+                              number('camera_rotation', camera_rotation, minimum=0),
+                              number('stamps', stamps, minimum=0))
         if not uncertain.size:
             raise InvalidTask(f'uncertainty = {uncertainty!r}: expected a deviation above 0')
         if not (isinstance(robot_time, float) and robot_time == np.inf):
@@ -119,7 +129,8 @@ class Observer(Value):
 
     def update(self, estimate: Estimate, observation: Observation, *,
                elapsed: float = 0.0, noise: float | None = None, sway: float | None = None,
-               late: ArrayLike = (0.0,) * 6, bent: ArrayLike | None = None) -> Estimate:
+               late: ArrayLike = (0.0,) * 6, velocity: ArrayLike = (0.0,) * 6,
+               bent: ArrayLike | None = None) -> Estimate:
         """Return the Estimate after one more look.
 
         If no equilibrium explains the look, the same estimate is returned with `converged` False.
@@ -140,8 +151,11 @@ class Observer(Value):
             Noise and sway in m, for this look alone. If None, the observer's. In motion the sway is
             larger.
         late : array_like, shape (6,), optional
-            How the gripper moves in the time by which the stamp may be wrong: rotation vector, rad,
-            and way, m, world axes. It displaces all points together.
+            How the gripper moves in the time by which the stamp of this look alone may be wrong:
+            rotation vector, rad, and way, m, world axes. It displaces all points together.
+        velocity : array_like, shape (6,), optional
+            How the gripper moved at the stamp: angular velocity, rad/s, and velocity, m/s, world
+            axes. By it the constant delay of the stamps is told.
         bent : array_like, shape (k, 3), optional
             By how much the DLO is off its rest at k even arc lengths from the gripper to its end,
             m, world axes, as in a motion that was simulated. If None, it is expected at rest.
@@ -162,7 +176,8 @@ class Observer(Value):
             raise InvalidTask(f'observation.s: expected 0 to the length {length:g} m')
         noise = self.noise if noise is None else number('noise', noise, above=0)
         sway = self.sway if sway is None else number('sway', sway, minimum=0)
-        errors = LookErrors(sway, tuple(vector('late', late, 6).tolist()))
+        errors = LookErrors(sway, tuple(vector('late', late, 6).tolist()),
+                            tuple(vector('velocity', velocity, 6).tolist()))
         if bent is not None:
             bent = array('bent', bent, (None, 3))
         after = LookUpdate(estimate, observation, self.outliers, elapsed, noise, errors,
@@ -173,7 +188,7 @@ class Observer(Value):
                    noise: float | None = None) -> Estimate:
         """Return the Estimate after the center of the cut-out has been seen by the same camera.
 
-        The camera displaces DLO and cut-out alike, so its bias cancels in the predicted miss.
+        The camera displaces DLO and cut-out alike: its error there cancels in the predicted miss.
 
         Parameters
         ----------
@@ -192,25 +207,25 @@ class Observer(Value):
             An argument makes no sense, or the cut-out's place is not uncertain.
         """
         self._own(estimate)
-        off = vector('seen', seen, 3) - vector('stated', stated, 3)
+        stated = vector('stated', stated, 3)
+        off = vector('seen', seen, 3) - stated
         noise = self.noise if noise is None else number('noise', noise, above=0)
         if not self.uncertain.cutout:
             raise InvalidTask('cutout = 0: expected an observer that takes the cut-out\'s place as '
                               'uncertain')
-        rows = np.zeros((3, self.uncertain.size))
-        for name in ('camera', 'cutout'):
-            columns, number_ = self.uncertain.columns(name)
-            rows[number_, columns] = 1.0
-        window = window_of(estimate).with_linear(
-            rows * self.uncertain.deviations / noise, off / noise)
+        window = window_of(estimate).about(stated)
+        rows = self._cutout_rows(window, stated)
+        window = window.with_linear(rows * self.uncertain.deviations / noise, off / noise)
         return estimate_of(estimate, window)
 
-    def reopened(self, estimate: Estimate, position: float, rotation: float) -> Estimate:
-        """Return the Estimate in which the DLO may have moved in the gripper, as where it slips.
+    def reopened(self, estimate: Estimate, position: float, rotation: float, *,
+                 kink: float = 0.0, camera: float = 0.0, cutout: float = 0.0) -> Estimate:
+        """Return the Estimate in which the DLO may have slipped in the gripper, or been bent.
 
-        What is known of the DLO stays; the gripper's offset becomes as uncertain as stated here,
-        beyond the prior, and what earlier looks tell of it is forgotten. How well they agreed is
-        not: `Estimate.inflation` stays.
+        The gripper's offset becomes as uncertain as stated here, beyond the prior, and what earlier
+        looks tell of it is forgotten. What else is known of the DLO stays, but for a kink, which
+        the natural curvature may have got anywhere. How well looks agreed is not forgotten:
+        `Estimate.inflation` stays.
 
         Parameters
         ----------
@@ -218,6 +233,14 @@ class Observer(Value):
             An Estimate of this observer.
         position, rotation : float
             Standard deviations of the slip, m along and rad about each axis of the gripper.
+        kink : float, optional
+            Standard deviation of the angle of a kink about each of the two axes of the section,
+            rad, at a place that is not known: what a bump leaves of a wire that yields.
+        camera : float, optional
+            Standard deviations of the camera's error and of the delay of its stamps, as multiples
+            of the prior; what earlier looks tell of them is forgotten. If 0, it stays known.
+        cutout : float, optional
+            Standard deviation of how far the cut-out may have moved along each axis, m.
 
         Raises
         ------
@@ -227,17 +250,73 @@ class Observer(Value):
         self._own(estimate)
         position = number('position', position, minimum=0)
         rotation = number('rotation', rotation, minimum=0)
-        covariance = np.array(estimate.covariance)
-        for name, slip in (('gripper_position', position), ('gripper_rotation', rotation)):
+        kink = number('kink', kink, minimum=0)
+        camera = number('camera', camera, minimum=0)
+        cutout = number('cutout', cutout, minimum=0)
+        covariance, mean = np.array(estimate.covariance), np.array(estimate.mean)
+        unit, length = self.uncertain.deviations, self.uncertain.simulator.rod.length
+        forgotten = [('gripper_position', 1.0, position), ('gripper_rotation', 1.0, rotation)]
+        if camera:
+            forgotten += [(name, camera, 0.0) for name in CAMERA]
+        for name, times, more in forgotten:
             columns, _ = self.uncertain.columns(name)
             covariance[columns] = 0.0
             covariance[:, columns] = 0.0
-            covariance[columns, columns] = self.uncertain.deviations[columns]**2 + slip**2
-        unit = self.uncertain.deviations
-        window = replace(LagWindow.of(estimate.mean / unit, covariance / np.outer(unit, unit),
+            covariance[columns, columns] = (times * unit[columns])**2 + more**2
+            if times != 1.0:  # a mean that was found by what is not believed any more
+                mean[columns] = 0.0
+        # A kink at an unknown place is white noise of the curvature: a delta function there has the
+        # coefficients angle (2 j + 1) / L P_j, whose mean squares along the DLO are angle^2
+        # (2 j + 1) / L^2, and which are independent
+        bent, numbers = self.uncertain.columns('natural_curvature')
+        covariance[bent, bent] += (2 * (numbers // 2) + 1) * (kink / length)**2
+        moved, _ = self.uncertain.columns('cutout')
+        covariance[moved, moved] += cutout**2
+        old = window_of(estimate)
+        window = replace(LagWindow.of(mean / unit, covariance / np.outer(unit, unit),
                                       self.robot.acting.size),
-                         consistency=window_of(estimate).consistency)
-        return replace(estimate, covariance=covariance, _memory=window)
+                         consistency=old.consistency, reference=old.reference,
+                         camera_scale=camera or old.camera_scale)
+        return replace(estimate, mean=mean, covariance=covariance, _memory=window)
+
+    def cutout_surprise(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike,
+                        noise: float | None = None) -> float:
+        """Return how far off a cut-out is seen: a chi-square by what chance hardly exceeds.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            An Estimate of this observer.
+        stated, seen : array_like, shape (3,)
+            Center of the cut-out as stated and as seen, m, world axes.
+        noise : float, optional
+            Standard deviation of `seen` along each axis, m. If None, the observer's noise.
+
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense.
+        """
+        self._own(estimate)
+        stated = vector('stated', stated, 3)
+        noise = self.noise if noise is None else number('noise', noise, above=0)
+        window = window_of(estimate).about(stated)
+        rows = self._cutout_rows(window, stated) * self.uncertain.deviations
+        n = rows.shape[1]
+        off = vector('seen', seen, 3) - stated - rows @ window.mean[:n]
+        spread = rows @ window.covariance[:n, :n] @ rows.T + noise**2 * np.eye(3)
+        return float(off @ np.linalg.solve(spread, off)) / limit_of(off.size)
+
+    def _cutout_rows(self, window: LagWindow, stated: Floats) -> Floats:
+        """Return (3, n) the derivatives of where a cut-out is seen, stated at a place (3,)."""
+        rows = np.zeros((3, self.uncertain.size))
+        for name in ('camera', 'cutout'):
+            columns, numbers = self.uncertain.columns(name)
+            rows[numbers, columns] = 1.0
+        assert window.reference is not None  # the window was asked for one
+        turned, about = self.uncertain.columns('camera_rotation')
+        rows[:, turned] = turning(stated[None] - window.reference)[0][:, about]
+        return rows
 
     def _own(self, estimate: Estimate) -> None:
         if instance('estimate', estimate, Estimate).uncertain != self.uncertain:

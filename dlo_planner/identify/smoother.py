@@ -32,8 +32,8 @@ from dlo_planner.identify.estimate import Estimate, RobotError, way_between
 from dlo_planner.identify.noise_model import Mixture, mixture, mixture_cost
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.residuals import from_either_end, point_residuals
-from dlo_planner.identify.uncertain_state import PointSlopes
-from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.identify.uncertain_state import CALIBRATION, PointSlopes
+from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.pose import Pose, angle_between
 
 _POSES = 4        # of the gripper, whose looks are remembered
@@ -56,6 +56,9 @@ _SEEN = 0.02      # part of a variance by which a look has to lower it to tell o
 # chi-squares of two degrees: by chance the largest of `_PAST` partial sums exceeds the first in one
 # look in 10,000, the second in one in 100 (counted in a million random walks)
 _DRIFTS = 23.9, 13.9
+WORST_CAMERA = 12.0  # times as far off as stated: 12 mm and 6 mrad by the defaults, or it is broken
+_TURNS = 50         # of expectation and maximization
+_SCALED = 0.05      # change of the scale that makes no difference
 _MODEL = 1.5      # ratio of variances that the model's own errors may add to the residuals
 _MORE_OUTLIERS = 0.1  # part of the points by which more may be none of the DLO's than are stated
 
@@ -67,6 +70,13 @@ class LookErrors(NamedTuple):
     # rotation vector, rad, and way, m, of the gripper in the time by which the stamp may be wrong,
     # world axes: the DLO moves along with it
     late: tuple[float, ...] = (0.0,) * 6
+    # of the gripper, rad/s and m/s, world axes: by a delay of all stamps the points lie behind it
+    velocity: tuple[float, ...] = (0.0,) * 6
+
+    def behind(self, points: Floats, gripper: Pose) -> Floats:
+        """Return (m, 3) m/s by which points (m, 3) of a DLO move along with its gripper."""
+        turn, shift = np.array(self.velocity[:3]), np.array(self.velocity[3:])
+        return shift + np.cross(turn, points - gripper.position)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,6 +219,8 @@ class LagWindow:
     # last, the last two, ..., the last a
     past: tuple[Floats, Floats]
     consistency: Consistency = Consistency()
+    reference: Floats | None = None  # (3,) of the CameraError, m: where something was seen first
+    camera_scale: float = 1.0  # by which the prior deviations of that are multiplied
 
     @classmethod
     def of(cls, mean: Floats, covariance: Floats, p: int) -> LagWindow:
@@ -218,6 +230,37 @@ class LagWindow:
         mean = np.append(mean, np.zeros(p))
         return cls(mean, cast(Floats, np.linalg.inv(whole)), (), mean, whole, mean,
                    (np.zeros((0, mean.size)), np.zeros((0, *whole.shape))))
+
+    def about(self, reference: Floats) -> LagWindow:
+        """Return it with a reference (3,), m, of the CameraError if it has none."""
+        return self if self.reference is not None else replace(self, reference=reference)
+
+    def with_likely_camera(self, columns: Ints) -> LagWindow:
+        """Return it with the most likely scale of the camera's errors, in `columns` (k,).
+
+        All of them are of one calibration, which is as good as stated or worse: those that looks
+        tell say how far off those are that no look tells. The scale is that of the largest marginal
+        likelihood, at least 1, by expectation and maximization (empirical Bayes).
+        """
+        own = np.ix_(columns, columns)
+        certain = np.linalg.inv(self.covariance[own])  # what is else in the state is integrated out
+        told = certain - np.eye(columns.size) / self.camera_scale**2
+        pull, scale = certain @ self.mean[columns], self.camera_scale
+        for _ in range(_TURNS):
+            spread = np.linalg.inv(told + np.eye(columns.size) / scale**2)
+            likely = spread @ pull
+            scale = float(np.clip(np.sqrt((likely @ likely + np.trace(spread)) / columns.size),
+                                  1.0, WORST_CAMERA))
+        if abs(scale - self.camera_scale) <= _SCALED * self.camera_scale:
+            return self
+        more = np.zeros(self.x.size)
+        more[columns] = scale**-2 - self.camera_scale**-2
+        matrix, known = self.matrix + np.diag(more), np.linalg.inv(self.covariance)
+        covariance = symmetric(np.linalg.inv(known + np.diag(more)))
+        return replace(self, camera_scale=scale, matrix=matrix,
+                       x=solved(matrix, self.matrix @ self.x), covariance=covariance,
+                       mean=covariance @ (known @ self.mean),
+                       past=(self.past[0][:0], self.past[1][:0]))
 
     def with_linear(self, rows: Floats, right: Floats) -> LagWindow:
         """Return it with k measurements of unit variance: rows (k, n) @ x = right (k,)."""
@@ -296,7 +339,8 @@ class LookUpdate:
         self._n, self._p = self._uncertain.size, self._robot.acting.size
         self._unit = np.append(self._uncertain.deviations,
                                self._robot.deviations[self._robot.acting])
-        self._window = window_of(estimate)
+        self._window = window_of(estimate).about(np.array(observation.gripper.position))
+        self._reference = cast(Floats, self._window.reference)
 
     def estimate(self) -> Estimate | None:
         """Return the Estimate, or None if no equilibrium explains the look."""
@@ -399,9 +443,17 @@ class LookUpdate:
 
     def _looks(self, keyframe: Keyframe, shape: Shape, y: Floats) -> list[Look]:
         """Return the Looks of a keyframe from its Shape at y."""
-        bias = self._uncertain.camera(y[:self._n] * self._unit[:self._n])
-        return [Look.of(shape, points - bias, s, keyframe.errors, keyframe.bent)
-                for points, s in keyframe.stacked()]
+        return [Look.of(shape, self._undone(points, keyframe, y), s, keyframe.errors,
+                        keyframe.bent) for points, s in keyframe.stacked()]
+
+    def _undone(self, points: Floats, keyframe: Keyframe, y: Floats) -> Floats:
+        """Return the places (m, 3), at y, of points (m, 3) that were seen in a keyframe."""
+        z = y[:self._n] * self._unit[:self._n]
+        places, delay = self._uncertain.camera(z, self._reference).undone(points), (
+            self._uncertain.delay(z))
+        if not delay:
+            return places
+        return places + delay * keyframe.errors.behind(places, keyframe.gripper)
 
     def _equations(self, here: _Evaluated) -> _Equations:
         """Return the _Equations of a step from a state."""
@@ -453,8 +505,16 @@ class LookUpdate:
         uncertain = self._uncertain
         kept = np.append(np.arange(self._n), self._n + self._robot.acting)
         columns, numbers = uncertain.columns('camera')
-        by_state = slopes_at(np.concatenate([look.s for look in looks]))
+        s = np.concatenate([look.s for look in looks])
+        by_state = slopes_at(s)
         by_state[:, numbers, columns] += 1.0
+        turned, delayed = uncertain.columns('camera_rotation'), uncertain.columns('stamps')[0]
+        if turned[0].size or delayed.size:
+            places = shape.positions_at(np.minimum(s, shape.s[-1]))
+            camera = uncertain.camera(np.zeros(self._n), self._reference)
+            by_state[:, :, turned[0]] += camera.slopes(places)[:, :, turned[1]]
+            for column in delayed:
+                by_state[:, :, column] -= keyframe.errors.behind(places, keyframe.gripper)
         ends = np.cumsum([look.s.size for look in looks])
         for look, own in zip(looks, np.split(by_state, ends[:-1]), strict=True):
             # a place moves along with the length, a point of known arc length does not
@@ -514,9 +574,8 @@ class LookUpdate:
                 expected: tuple[Floats, Floats]) -> Estimate:
         window, keyframe, shape = self._window, self._window.keyframes[-1], here.shapes[-1]
         points, s = keyframe.looks[-1]
-        z = here.y[:self._n] * self._unit[:self._n]
-        last = self._mixture(Look.of(shape, points - self._uncertain.camera(z), s, keyframe.errors,
-                                     keyframe.bent), keyframe, shape)  # of this look alone
+        last = self._mixture(Look.of(shape, self._undone(points, keyframe, here.y), s,
+                                     keyframe.errors, keyframe.bent), keyframe, shape)  # alone
         now = np.r_[0:self._n, self._errors(len(window.keyframes))]
         covariance = symmetric(np.linalg.inv(equations.matrix)[np.ix_(now, now)])
         mean = (here.y + step)[now]
@@ -526,7 +585,7 @@ class LookUpdate:
         residual = max(last.residual / _MODEL, min(last.residual, last.degrees))
         share = min(self._outliers + _MORE_OUTLIERS, 1.0)
         most = share + 4 * np.sqrt(share * (1 - share) / len(self._observation.points))
-        surprise = max(innovation / _limit(seen), residual / _limit(last.degrees),
+        surprise = max(innovation / limit_of(seen), residual / limit_of(last.degrees),
                        drift / _DRIFTS[0], last.outliers / most)
         keyframes = tuple(
             replace(one, shape=shape, error=here.y[self._errors(count)], slopes=slopes)
@@ -536,6 +595,9 @@ class LookUpdate:
                          state=here.y[:window.x.size], past=expected,
                          consistency=window.consistency.after(innovation, seen, residual,
                                                               last.degrees, drift))
+        camera = np.concatenate([self._uncertain.columns(name)[0] for name in CALIBRATION])
+        if camera.size:
+            window = window.with_likely_camera(camera)
         return estimate_of(self._estimate, window, looks=self._estimate.looks + 1, converged=True,
                            misfit=last.misfit, outliers=last.outliers, surprise=float(surprise),
                            _shape=shape)
@@ -591,7 +653,7 @@ def innovation_of(before: Floats, expected: Floats, after: Floats,
     return float(np.sum((vectors.T @ moved)[seen] ** 2 / gained[seen])), float(seen.sum())
 
 
-def _limit(degrees: float) -> float:
+def limit_of(degrees: float) -> float:
     """Return what a chi-square of so many degrees of freedom hardly ever exceeds."""
     return float(chi2.isf(_RARE, max(degrees, 1.0)))
 

@@ -33,6 +33,9 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.goals import Through
 
+CALIBRATION = 'camera', 'camera_rotation'  # numbers of what is wrong with that of a camera
+CAMERA = *CALIBRATION, 'stamps'
+NOT_OF_ROD = 'gripper_rotation', 'gripper_position', *CAMERA, 'cutout'
 _KEPT = 8     # meshes that are remembered
 _SAME = 1e-9  # of the length: nodes closer than this are the same
 
@@ -44,19 +47,24 @@ class UncertainState(Value):
 
         gripper_rotation, gripper_position             rad and m, in the gripper's frame
         camera                                         m, world axes: seen minus true
+        camera_rotation                                rad, world axes: of what is seen, about
+                                                       the reference point of `CameraError`
+        stamps                                         s: by how much stamps of looks are too late
         cutout                                         m, world axes: true minus stated
 
     Only numbers with a standard deviation above 0 are in it. Shapes show only the ratio of
     stiffness to weight; the priors divide it between both.
     """
 
-    _PARTS = ('simulator', 'uncertainty', 'n_terms', 'bias', 'cutout')
+    _PARTS = ('simulator', 'uncertainty', 'n_terms', 'bias', 'cutout', 'camera_rotation', 'stamps')
 
     simulator: DirectSimulator  # of the DLO as stated, elastic, without obstacles
     uncertainty: Uncertainty
     n_terms: int   # Legendre terms of each natural curvature
     bias: float    # standard deviations of the camera's bias and of the cut-out's place, m
     cutout: float
+    camera_rotation: float  # standard deviations about each axis, rad, and of the delay, s
+    stamps: float
     parameters: RodParameters
     deviations: Floats  # (n,) of the prior, all > 0
     names: tuple[str, ...]
@@ -65,9 +73,10 @@ class UncertainState(Value):
     _meshes: list[ParameterizedMesh]
 
     def __init__(self, simulator: DirectSimulator, uncertainty: Uncertainty, n_terms: int,
-                 bias: float = 0.0, cutout: float = 0.0) -> None:
+                 bias: float = 0.0, cutout: float = 0.0, camera_rotation: float = 0.0,
+                 stamps: float = 0.0) -> None:
         put(self, simulator=simulator, uncertainty=uncertainty, n_terms=n_terms, bias=bias,
-            cutout=cutout)
+            cutout=cutout, camera_rotation=camera_rotation, stamps=stamps)
         terms = np.append(uncertainty.natural_curvature,
                           uncertainty.curvature_variation * variation_deviations(n_terms - 1))
         prior: dict[str, Sequence[float] | Floats] = {
@@ -76,13 +85,14 @@ class UncertainState(Value):
             'natural_curvature': np.repeat(terms, 2),
             'gripper_rotation': [uncertainty.gripper_rotation] * 3,
             'gripper_position': [uncertainty.gripper_position] * 3,
-            'camera': [bias] * 3, 'cutout': [cutout] * 3}
+            'camera': [bias] * 3, 'camera_rotation': [camera_rotation] * 3,
+            'stamps': [stamps], 'cutout': [cutout] * 3}
         entries = [(name, k, deviation) for name, deviations in prior.items()
                    for k, deviation in enumerate(deviations) if deviation > 0]
         each = np.array([name for name, _, _ in entries])
         number_ = np.array([k for _, k, _ in entries], dtype=int)
         of_rod = [(name, k) for name, k, _ in entries
-                  if name not in ('gripper_rotation', 'gripper_position', 'camera', 'cutout')]
+                  if name not in NOT_OF_ROD]
         put(self, parameters=RodParameters(simulator.rod, (name for name, _ in of_rod),
                                            (k for _, k in of_rod)),
             deviations=np.array([deviation for *_, deviation in entries]), _meshes=[],
@@ -150,9 +160,13 @@ class UncertainState(Value):
         twist = self._gripper_twist(z, error)
         return Pose.from_rotation(twist[3:], Rotation.from_rotvec(twist[:3]).as_matrix())
 
-    def camera(self, z: Floats) -> Floats:
-        """Return (3,) the camera's bias, m."""
-        return self._part(z, 'camera')
+    def camera(self, z: Floats, reference: Floats) -> CameraError:
+        """Return the CameraError at z (n,), with a rotation about a `reference` (3,), m."""
+        return CameraError(self._part(z, 'camera'), self._part(z, 'camera_rotation'), reference)
+
+    def delay(self, z: Floats) -> float:
+        """Return by how much stamps of looks are too late, s."""
+        return float(self._part(z, 'stamps')[0])
 
     def shifted(self, z: Floats) -> Floats:
         """Return (3,) the displacement of the cut-out, true minus stated, m, world axes."""
@@ -178,6 +192,37 @@ class UncertainState(Value):
         bent = np.flatnonzero(strains.any(axis=(1, 2)) | stretch.any(axis=1))
         return PointSlopes(shape, len(strains), bent, strains[bent], stretch[bent], turned, about,
                            placed, frame[:, places])
+
+
+class CameraError(NamedTuple):
+    """Where a camera sees a point: rotated about a reference point, then displaced, world axes.
+
+    What is left of a hand-eye calibration. Its rotation is about the camera; about any other point
+    it is the same but for a displacement, so the reference stands among what is looked at, where a
+    displacement and a rotation are about independent.
+    """
+
+    bias: Floats       # (3,) m
+    rotation: Floats   # (3,) rotation vector, rad
+    reference: Floats  # (3,) m
+
+    def undone(self, points: Floats) -> Floats:
+        """Return the true places (m, 3) of points (m, 3) that are seen."""
+        if not self.rotation.any():
+            return points - self.bias
+        turn = Rotation.from_rotvec(self.rotation).as_matrix()
+        places: Floats = (points - self.bias - self.reference) @ turn + self.reference
+        return places
+
+    def slopes(self, places: Floats) -> Floats:
+        """Return (m, 3, 3) the derivatives of seen points by the rotation, of places (m, 3)."""
+        return turning(places - self.reference)
+
+
+def turning(arms: Floats) -> Floats:
+    """Return (m, 3, 3) the derivatives of arms (m, 3) by a small rotation vector."""
+    result: Floats = -np.cross(arms[:, :, None], np.eye(3)[None], axis=1)
+    return result
 
 
 class PointSlopes(NamedTuple):

@@ -160,12 +160,15 @@ _TABLE: dict[str, tuple[Any, ...]] = {
                                         'rad.', 0.0, 3.2),
     'observe.noise': (0.001, 'Standard deviation of each coordinate of observed_points, '
                              'm.', 1e-6, 1.0),
-    'observe.bias': (0.0, "Of the camera's constant error along each axis, m.", 0.0, 1.0),
+    'observe.bias': (0.001, "Of the camera's constant error along each axis, m: what is left of "
+                             'its calibration. It cancels where the camera sees the cut-out as '
+                             'well.', 0.0, 1.0),
+    'observe.camera_rotation': (0.0005, 'The same about each axis, rad.', 0.0, 0.5),
     'observe.outliers': (0.1, 'Part of the points that are none of the DLO.', 0.0, 0.9),
     'observe.sway': (0.0005, 'Of the free end about its rest while the gripper stands still, '
                              'm.', 0.0, 1.0),
     'observe.cutout': (0.0, 'Of the place of a cut-out along each axis, m.', 0.0, 1.0),
-    'observe.stamps': (0.02, 'By how much the stamps of clouds may be wrong against those of '
+    'observe.stamps': (0.05, 'By how much the stamps of clouds may be wrong against those of '
                              'gripper_pose, s.', 0.0, 1.0),
     'observe.robot_position': (0.0002, "Standard deviation of the robot's error along each axis, "
                                        "m: where it is less where it measures, by its "
@@ -178,6 +181,8 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'observe.slip_position': (0.005, 'Standard deviation of how far the DLO slips in the gripper '
                                      'along each axis where looks come to disagree, m.', 0.0, 1.0),
     'observe.slip_rotation': (0.05, 'The same about each axis, rad.', 0.0, 3.2),
+    'observe.kink': (0.1, 'By how much it may be bent for good then, about each axis of its '
+                          'section, at any one place, rad.', 0.0, 3.2),
     'observe.period': (0.2, 'Seconds between two clouds that are looked at.', 0.0, 60.0),
     'observe.correct': (True, 'Whether what is seen counts for what is executed: by a closed '
                               'loop, or by a stop before a cut-out that the DLO may miss.'),

@@ -55,4 +55,4 @@ assert aimed.converged and after < 0.1 * before
 
 # %%
 # `ClosedLoop` is the strategy around it: when to look, to plan anew, to go, to correct, to stop.
-# The node does all of this by itself, see the interface of the node.
+# `TaskLoop` does all of this, for any robot and camera: the next tutorial. The node runs the same.

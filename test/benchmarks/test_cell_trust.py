@@ -18,7 +18,7 @@ from dlo_planner import (  # noqa: E402
     InvalidTask,
 )
 from dlo_planner.cell.camera import BAD  # noqa: E402
-from dlo_planner.cell.cases import CASES, NOMINAL, case  # noqa: E402
+from dlo_planner.cell.cases import CASES, FAULTS, JOINED, NOMINAL, case  # noqa: E402
 from dlo_planner.plan.clearance import clearance  # noqa: E402
 
 
@@ -53,6 +53,41 @@ def test_cases_are_what_is_stated():
     assert {camera.second_cable for _, camera in drawn['second cable']} == {0.2}
     with pytest.raises(InvalidTask, match='name'):
         case('rain', 0)
+
+
+def test_faults_are_what_is_stated_by_themselves_and_together():
+    drawn = {name: [case(name, seed) for seed in range(10)] for name in FAULTS}
+    assert all(drawn[name] == [case(name, seed) for seed in range(10)] for name in FAULTS)
+    assert {disturbed.kinks[0].angle for disturbed, _ in drawn['kink']} == {0.02}
+    assert all(d.kinks[0].time == d.bumps[0].time for d, _ in drawn['kink'])
+    assert all(camera.fills_in and camera.blind == 0.3 for _, camera in drawn['filled in'])
+    for name, value, size in (('turned camera', lambda d, c: c.turn, np.radians(0.5)),
+                              ('biased camera', lambda d, c: c.offset, 3e-3),
+                              ('moved hole', lambda d, c: d.sheets_shift, 4.5e-3)):
+        sizes = [np.linalg.norm(value(*one)) for one in drawn[name]]
+        assert sizes == pytest.approx([size] * 10)
+    assert {camera.stamp_error for _, camera in drawn['late stamps']} == {-0.1, 0.1}
+    assert all(camera.sees_hole for _, camera in drawn['moved hole'])
+    disturbed, camera = case(f'kink{JOINED}biased camera', 3)
+    assert disturbed.kinks
+    assert np.linalg.norm(camera.offset) == pytest.approx(3e-3)
+    with pytest.raises(InvalidTask, match='name'):
+        case(f'kink{JOINED}rain', 0)
+
+
+@pytest.mark.parametrize(('name', 'seed', 'ends'), [('turned camera', 1, 'refused'),
+                                                    ('biased camera', 1, 'clean')])
+@pytest.mark.every(2)
+def test_a_loop_that_its_tracker_deceives_keeps_its_promise_or_says_why_it_stops(name, seed, ends):
+    found = cell_trust.driven(name, seed)
+    assert not found['error']
+    assert not found['touched']
+    assert found['covered'] is not False
+    if ends == 'clean':
+        assert found['clean']
+    else:
+        assert 'as looks tell, the camera is' in found['refused']
+        assert found['depth'] == 0
 
 
 def test_a_run_says_what_came_of_it():

@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 pytest.importorskip('mujoco', reason='extra [cell] is not installed')
 
@@ -11,6 +12,7 @@ from dlo_planner import CutOut, InvalidTask, Pose, Rod  # noqa: E402  mujoco may
 from dlo_planner.cell.camera import BAD, Camera, Viewer  # noqa: E402
 from dlo_planner.cell.plant import Plant  # noqa: E402
 from dlo_planner.cell.truth import Truth  # noqa: E402
+from dlo_planner.identify.carried import carried  # noqa: E402
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 HOLE = CutOut(Pose.looking_along((0.8, 0, 1), (1, 0, 0)), radius=0.01)
@@ -110,6 +112,48 @@ def test_the_hole_is_seen_with_the_same_bias(plant, rng):
     hole = np.mean([image.hole for _, image in images], axis=0)
     points = np.concatenate([image.points for _, image in images]).mean(axis=0)
     assert hole[1:] - points[1:] == pytest.approx((0.002, 0), abs=1e-4)
+
+
+def test_a_camera_that_is_turned_and_displaced_sees_dlo_and_hole_so(plant, rng):
+    turn, about, offset = np.array([0.0, 0.0, 0.01]), np.array([0.2, 0.0, 0.8]), (0, 0, 3e-3)
+    camera = Camera(rate=100.0, noise=0.0, points=40, sees_hole=True, turn=turn,
+                    turned_about=about, offset=offset)
+    images = seen(plant, camera, 0.1, rng)
+    center = HOLE.center + about  # 1 m from the gripper
+    matrix = Rotation.from_rotvec(turn).as_matrix()
+
+    def wrong(place):
+        return matrix @ (place - center) + center + offset
+
+    begin, end = wrong(np.array([0.0, 0, 1])), wrong(np.array([1.0, 0, 1]))
+    points = np.concatenate([image.points for _, image in images])
+    along = (points - begin) @ (end - begin)
+    np.testing.assert_allclose(points, begin + along[:, None] * (end - begin), atol=1e-6)
+    assert np.abs(begin - (0, 0, 1)).max() == pytest.approx(0.01, rel=1e-3)
+    np.testing.assert_allclose(images[0][1].hole, wrong(HOLE.center + (0, 2e-3, 0)), atol=1e-9)
+
+
+def test_a_tracker_fills_the_free_third_in_with_what_it_saw_last(rng):
+    bent = Plant(Rod(1.0, 0.1, 1.0, 0.75), LEVEL, cells=16)
+    viewer = Viewer(Camera(rate=100.0, latency=0.0, noise=1e-3, points=30, fills_in=True,
+                           blind=0.5), rng)
+    s, errors, before, hidden = np.linspace(0, 1, 30), [], None, 0
+    for k in range(400):
+        image, = viewer.images(bent, HOLE)
+        places = bent.points(s * bent.length)
+        errors.append(np.linalg.norm(image.points - places, axis=1))
+        if before is not None:
+            still = carried(before, image.points)
+            assert not still[s < 0.66].any()
+            hidden += still.any()
+            assert still.any() == still[s > 0.67].all()
+        before = image.points
+        bent.move(Pose(LEVEL.position, Rotation.from_euler(
+            'y', 0.5 * np.sin(0.02 * k)).as_quat()), 0.01)
+    assert 100 < hidden < 300
+    errors = np.array(errors)
+    assert errors[:, s < 0.66].max() < 6e-3  # noise
+    assert errors[:, -1].max() > 0.02
 
 
 def test_the_same_seed_sees_the_same(plant):

@@ -17,7 +17,7 @@ from benchmarks.cell_trust import said  # noqa: E402
 from dlo_planner import CutOut, InvalidTask, Pose, Rod  # noqa: E402  mujoco may be missing
 from dlo_planner.cell.camera import Camera  # noqa: E402
 from dlo_planner.cell.cases import strikes_inside  # noqa: E402
-from dlo_planner.cell.disturbances import Bump, Disturbances, Slip  # noqa: E402
+from dlo_planner.cell.disturbances import Bump, Disturbances, Kink, Slip  # noqa: E402
 from dlo_planner.cell.plant import Plant  # noqa: E402
 from dlo_planner.cell.robot import nearer  # noqa: E402
 from dlo_planner.cell.tasks import Task  # noqa: E402
@@ -122,6 +122,34 @@ def test_a_slip_moves_and_turns_the_dlo_in_the_grip_once():
     turned = Rotation.from_rotvec((0.3, 0, 0)).apply(before)
     assert np.linalg.norm(turned - before) > 0.02
     assert tip() == pytest.approx(turned - (2e-3, 0, 0), abs=1e-6)
+
+
+def test_a_kink_bends_the_dlo_for_good_at_its_place():
+    kink = Kink(0.1, 0.02, 0.5, np.pi / 2)
+    course = replace(drawn(kinks=(kink,)), since=0.0)
+    plant = Plant(BAR, LEVEL, gravity=(0, 0, 0), cells=20, course=course, damping=0.5)
+    s = np.linspace(0, 0.4, 9)
+    before = plant.points(s)
+    assert kink.bend(0.05).tolist() == [0.0, 0.0]
+    for _ in range(60):
+        plant.move(LEVEL, 0.01)
+    moved = np.linalg.norm(plant.points(s) - before, axis=1)
+    # a joint in the middle of a cell of 20 mm: the free half turns by the angle about the b axis
+    assert moved[s < 0.2].max() < 1e-5
+    assert moved[-1] == pytest.approx(0.02 * 0.19, rel=0.01)
+    assert np.abs(plant.points(s) - before)[-1].argmax() == 1
+    assert course.times == (0.1,)
+
+
+def test_sheets_are_elsewhere_by_what_is_stated():
+    moved = seen(TASK, still(0.1)[0], disturbances=Disturbances(sheets_shift=(0, 4e-3, 0)),
+                 camera=Camera(sees_hole=True, noise=0.0))
+    assert not moved.refused
+    driver, given = still(0.5)
+    seen(TASK, driver, disturbances=Disturbances(sheets_shift=(0, 4e-3, 0)),
+         camera=Camera(sees_hole=True, noise=0.0))
+    holes = [image.hole for *_, images in given for image in images]
+    np.testing.assert_allclose(holes, np.tile(HOLE.center + (0, 4e-3, 0), (len(holes), 1)))
 
 
 def test_what_strikes_inside_is_told_from_what_happens_before_and_after():

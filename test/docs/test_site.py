@@ -13,6 +13,7 @@ import pytest
 
 import dlo_planner
 import dlo_planner.arm
+import dlo_planner.closed_loop
 import dlo_planner.identify
 import dlo_planner.parallel
 import dlo_planner.penalties
@@ -38,7 +39,8 @@ def shown(module):
 
 @pytest.mark.parametrize('module', [dlo_planner, dlo_planner.arm, dlo_planner.view,
                                     dlo_planner.tasks, dlo_planner.penalties,
-                                    dlo_planner.identify, dlo_planner.rods,
+                                    dlo_planner.identify, dlo_planner.closed_loop,
+                                    dlo_planner.rods,
                                     dlo_planner.results],
                          ids=lambda module: module.__name__)
 def test_every_public_name_is_in_the_reference_once(module):

@@ -38,7 +38,7 @@ from dlo_planner.trajectory.dynamic_check import InMotion
 from dlo_planner.trajectory.trajectory import restored
 from msg_helpers.obstacles import Body
 
-SEEING = EstimatorConfig(SPREAD, NOISE)
+SEEING = EstimatorConfig(SPREAD, NOISE, bias=0.0, camera_rotation=0.0)  # a camera as stated
 LARGEST = 0.05  # m, of a correction
 PLAN = plan_of(depths=DEPTHS)
 

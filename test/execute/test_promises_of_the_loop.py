@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the closed loop commands and promises; what it sees and plans is handed in."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -65,6 +66,7 @@ class Seen:
         self.seeing, self.estimate = SEEING, DloEstimator(DIRECT, SEEING).estimate
         self.doubted, self.seen, self.swing, self.off = False, np.inf, 0.0, 0.0
         self.vibrations, self.since = [], []
+        self.cutout_suspect = False
 
     def reopen(self, stamp=0.0):
         """Forget nothing."""
@@ -143,6 +145,23 @@ def test_what_a_plan_misses_by_itself_is_promised_once_and_said_where_it_is_refu
     cell.until(lambda: cell.loop.phase is Phase.STOP)
     assert cell.loop.cause is Cause.MISS_EXPECTED
     assert 'as planned it misses by 0.0002 m' in cell.loop.reason
+
+
+@pytest.mark.parametrize('share', [0.95, 1.5])
+def test_what_is_refused_exceeds_the_limit_that_is_said(ways, share):
+    cell = Cell(ways)
+    way, entry = cell.plans
+    cell.plans = [way, *[replace(entry, bound=share * task().room, motion=None)] * 3]
+    if share > 1:  # no look has ever agreed
+        observer = DloEstimator(DIRECT, EstimatorConfig(SPREAD))._observer
+        cell.seen.estimate = observer.reopened(observer.begin(), 5e-3, 0.05, camera=4.0)
+    cell.until(lambda: cell.loop.phase is Phase.STOP)
+    said = re.search(r'by (\S+) m \(95 %\): expected at most (\S+) m', cell.loop.reason)
+    miss, most = map(float, said.groups())
+    assert miss == pytest.approx(share * task().room, rel=1e-2)
+    assert most == pytest.approx(task().room_at_rest, rel=1e-2)
+    assert miss > most
+    assert ('calibrate it' in cell.loop.reason) == (share > 1)
 
 
 def test_a_swing_that_is_seen_delays_and_is_promised(ways):
@@ -326,6 +345,22 @@ def test_where_the_robot_errs_much_it_goes_in_so_slowly_that_it_can_be_corrected
                         for lag in (0.7, np.inf))
     assert corrected.motion.trajectory.duration > 1.3 * blind.motion.trajectory.duration
     assert corrected.bound < 0.9 * blind.bound
+
+
+@pytest.mark.parametrize('left', [0.0, 3e-4, 1e-3, 0.1])
+def test_motion_uses_what_the_swing_at_the_standoff_leaves(ways, rng, monkeypatch, left):
+    used_up = []
+    monkeypatch.setattr(loop_motions, '_trajectory', lambda task, plan, tolerance, limits:
+                        used_up.append(tolerance) or Trajectory(plan, limits, tolerance=np.inf))
+    monkeypatch.setattr(loop_motions, 'swing_of', lambda *_: None)
+    observer, here = Observer(DIRECT, SPREAD, noise=NOISE), ways[0].grippers[-1]
+    estimate = looked(Truth.drawn(rng), observer, rng, here, looks=3)
+    entry, room = loop_motions.way_in(task(), estimate, here, np.inf, 0.7, left), task().room
+    least = loop_motions.LEAST_FOR_MOTION * room
+    assert used_up[0] >= least
+    if used_up[0] > least:
+        assert entry.bound + left + used_up[0] < 0.96 * room
+    assert (used_up[0] == least) == (left == 0.1)
 
 
 def test_the_way_back_is_not_sampled_where_the_way_there_was_slow(ways):

@@ -24,7 +24,7 @@ from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.settings.parameters import PARAMETERS
 
-SEEING = EstimatorConfig(SPREAD, NOISE)
+SEEING = EstimatorConfig(SPREAD, NOISE, bias=0.0, camera_rotation=0.0)  # a camera as stated
 COPPER = {'rod.diameter': 1.5e-3}
 SPRING = {'rod.section': 'stiffness', 'rod.mass_per_length': 0.05, 'rod.torsional_stiffness': 0.02,
           'rod.bending_stiffness': [0.03, 0.05]}
@@ -294,9 +294,30 @@ def test_a_cutout_that_is_seen_is_where_it_is_seen_and_no_farther_than_it_may_be
     with pytest.raises(InvalidTask, match=r'from where it is stated: expected 0\.0147 m at most'):
         out.hole(stated, stated + (0, 0, 1.01 * far))
     assert out.estimate is before
-    out.hole(stated, stated + (0, 0, 0.99 * far))
-    assert out.estimate is not before
+    first = observing(seeing=out.seeing)
+    first.hole(stated, stated + (0, 0, 0.99 * far))
+    assert first.estimate.center(stated)[2] > stated[2] + 0.5 * far
     known = observing()
     before = known.estimate
     known.hole(stated, stated + off)  # nothing of it is uncertain
     assert known.estimate is before
+
+
+@pytest.mark.parametrize(('far', 'looks'), [(6e-3, 2), (3e-3, 8)])  # noise of a look: 1 mm
+def test_a_cutout_that_moves_is_a_doubt_and_is_followed_once_that_is_looked_into(far, looks):
+    out = observing(seeing=replace(SEEING, cutout=5e-4, bias=1e-3))
+    stated, moved = np.array([0.4, 0.0, 1.0]), np.array([0.0, far, 0.0])
+    for _ in range(20):
+        out.hole(stated, stated)
+    out.hole(stated, stated + moved)
+    assert not out.doubted  # one is left to chance
+    for _ in range(looks - 1):
+        out.hole(stated, stated + moved)
+    assert out.doubted
+    out.reopen()
+    assert not out.doubted
+    for _ in range(20):
+        out.hole(stated, stated + moved)
+    assert not out.doubted
+    center = out.estimate.center(stated) + out.estimate.camera_bias
+    np.testing.assert_allclose(center, stated + moved, atol=2e-4)
