@@ -26,7 +26,16 @@ from benchmarks.measured import growth, iteration, start_of_python
 from benchmarks.rows import Goal, Row, row
 from benchmarks.rulers import FLOORS
 from benchmarks.timing import Work
-from dlo_planner import DirectSimulator, FarEnd, InverseSimulator, Plane, Pose, parallel
+from dlo_planner import (
+    Box,
+    DirectSimulator,
+    FarEnd,
+    InverseSimulator,
+    Plane,
+    Pose,
+    Trajectory,
+    parallel,
+)
 
 _DEPTHS = np.linspace(0, 0.95, 100)
 _FEW = np.linspace(0, 0.9, 31)
@@ -143,15 +152,22 @@ def _each_step(simulator, poses):
     return [Work(lambda p=pose, b=before: simulator.solve(p, b)) for pose, before in touching]
 
 
-def _on_a_table(friction, along):
+def _on_a_table(friction, along, others=()):
     """Return steps of 1 mm of a wire of which a fifth lies on a table: some ten contacts."""
-    simulator = local(obstacles=[Plane((0, 0, 0), (0, 0, 1), friction)])
+    simulator = local(obstacles=[Plane((0, 0, 0), (0, 0, 1), friction), *others])
     start = simulator.track([level(z) for z in np.arange(0.3, 0.095, -0.01)])[-1]
     ways = [Pose(start.gripper.position + 1e-3 * k * np.array(along), (0, 0, 0, 1))
             for k in range(1, 6)]
     shapes = [start, *simulator.track(ways, initial=start)[:-1]]
     return [Work(lambda p=pose, b=known: simulator.solve(p, b))
             for pose, known in zip(ways, shapes, strict=True)]
+
+
+def _above_boxes():
+    """Return a step on a table above 1,000 boxes that no wire there can reach."""
+    places = np.random.default_rng(0).uniform((-1, -1, -7), (1, 1, -6), (1000, 3))
+    boxes = [Box(Pose(place, (0, 0, 0, 1)), (0.1, 0.1, 0.1)) for place in places]
+    return _on_a_table(0.0, (0, 0, -1), boxes)
 
 
 def _contacts():
@@ -164,6 +180,9 @@ def _contacts():
         for how, along in (('down', (0, 0, -1)), ('along', (1, 0, 0)), ('across', (0, 1, 0))):
             yield row(f'step of 1 mm {how}, wire on a table{what}',
                       lambda f=friction, a=along: _on_a_table(f, a), Goal(goal, 'solves'))
+    yield row('step of 1 mm down, wire on a table above 1,000 boxes', _above_boxes,
+              Goal(3, 'without boxes'),
+              others={'without boxes': lambda: _on_a_table(0.0, (0, 0, -1))[0]})
 
 
 def _held():
@@ -228,7 +247,15 @@ def _many_rods(n, count=500):
     return Work(lambda: parallel.solve_many(simulator, poses, rods=rods), count)
 
 
+def _timed():
+    plan = _inverse().thread(hole((0, 0, 1)), depths=_FEW)
+    return Work(lambda: Trajectory(plan))
+
+
 def _others():
+    yield row('Pose.looking_along',
+              lambda: Work(lambda: Pose.looking_along((0, 0, 1), (1, 0.2, 0.1))), Goal(0.02, 'ms'))
+    yield row('Trajectory of 31 waypoints', _timed, Goal(1.0, 's'), unit='s')
     yield row('dynamic step, 40 elements', _dynamic, Goal(0.1, 'ms'))
     yield row('accuracy 1e-6 m, cold solve of A', lambda: _accurate(wire()), Goal(10, 'solves'))
     yield row('accuracy 1e-6 m, cold solve of B', lambda: _accurate(wire(tip_mass=1.0)),
