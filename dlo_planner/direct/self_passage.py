@@ -40,16 +40,14 @@ def passed_between(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
     else:
         # parts of a DLO that goes into a bore are shorter
         s = np.minimum(shape.s, previous.s[-1])
-        positions = previous.positions_at(s)
-        strains = previous.element_strains[np.clip(
-            np.searchsorted(previous.s, 0.5 * (s[1:] + s[:-1])) - 1, 0, len(previous.s) - 2)]
-    lengths, one, other, *rest = map(read_only, (
-        np.diff(shape.s), strains, shape.element_strains, previous.frames[0], positions,
-        shape.frames[0], shape.positions))
+        positions = read_only(previous.positions_at(s))
+        strains = read_only(previous.element_strains[np.clip(
+            np.searchsorted(previous.s, 0.5 * (s[1:] + s[:-1])) - 1, 0, len(previous.s) - 2)])
     if jumped:
-        return np.nan if bends_back(lengths, one, other) else False
-    frame, places, later_frame, later_places = rest
-    return bool(passes_between(lengths, one, frame, places, other, later_frame, later_places))
+        bends = bends_back(np.diff(shape.s), np.array(strains), np.array(shape.element_strains))
+        return np.nan if bends else False
+    return bool(passes_between(shape.s, strains, previous.frames, positions, shape.element_strains,
+                               shape.frames, shape.positions))
 
 
 def _bends_little(shape: Shape) -> bool:

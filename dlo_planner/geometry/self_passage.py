@@ -74,14 +74,23 @@ def passes_itself(before: Floats, after: Floats) -> bool:
 
 
 @kernel
-def passes_between(lengths: Floats, strains: Floats, frame: Floats, positions: Floats,
-                   later_strains: Floats, later_frame: Floats, later_positions: Floats) -> bool:
+def passes_between(s: Floats, strains: Floats, frames: Floats, positions: Floats,
+                   later_strains: Floats, later_frames: Floats, later_positions: Floats) -> bool:
     """Return whether a curve passes through itself from one shape to a later one.
 
     Args:
-        lengths: (N,) m; strains: (N, 3) 1/m; frame: (3, 3) of the first node;
-        positions: (N + 1, 3) m, world
+        s: (N + 1,) arc lengths of the nodes, m; strains: (N, 3) 1/m; frames: (k, 3, 3), the first
+        of the first node; positions: (N + 1, 3) m, world; all read-only
     """
+    lengths = np.empty(s.size - 1)
+    for e in range(lengths.size):
+        lengths[e] = s[e + 1] - s[e]
+    return _passes(lengths, strains, frames[0], positions, later_strains, later_frames[0],
+                   later_positions)
+
+
+@kernel
+def _passes(lengths, strains, frame, positions, later_strains, later_frame, later_positions):
     if not bends_back(lengths, strains, later_strains):
         return False
     before, after = np.empty(positions.shape), np.empty(positions.shape)
@@ -130,8 +139,8 @@ def first_passage(lengths: Floats, strains: Floats, frames: Floats, positions: F
         positions: (n, N + 1, 3) m
     """
     for k in range(strains.shape[0] - 1):
-        if passes_between(lengths, strains[k], frames[k], positions[k], strains[k + 1],
-                          frames[k + 1], positions[k + 1]):
+        if _passes(lengths, strains[k], frames[k], positions[k], strains[k + 1],
+                   frames[k + 1], positions[k + 1]):
             return k
     return -1
 
