@@ -8,7 +8,7 @@ What a DLO carries from one step to the next stands on the elements on which the
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -37,7 +37,7 @@ from dlo_planner.model.checks import row, shown
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.supports import FarEnd, Surroundings, held_rows
-from dlo_planner.model.value import FrozenDict, Value, freeze, put, same
+from dlo_planner.model.value import FrozenDict, Value, changed, freeze, put, same
 
 # Springs of constraints yield by 1 / these of the length under the DLO's own forces: those of
 # contacts cost iterations the stiffer they are, tension between two grips multiplies what they
@@ -142,17 +142,17 @@ class Memory(Value):
 
     def permanent_part(self) -> Memory:
         """Return what belongs to the rod: no forces, and not the way so far."""
-        return replace(self, hold=_NO_NUMBER, node_force=np.zeros_like(self.node_force),
+        return changed(self, hold=_NO_NUMBER, node_force=np.zeros_like(self.node_force),
                        points=NO_POINTS, positions=NOWHERE, tangents=NOWHERE)
 
     def with_forces(self, other: Memory) -> Memory:
         """Return the same past with the forces of another one."""
-        return replace(self, hold=other.hold, node_force=other.node_force, points=other.points)
+        return changed(self, hold=other.hold, node_force=other.node_force, points=other.points)
 
     def under(self, later: Memory) -> Memory:
         """Return the same past under the forces after the step; what slid in it slides."""
         points = later.points
-        return replace(self.with_forces(later),
+        return changed(self.with_forces(later),
                        points=points._replace(anchor=points.anchor - points.slid))
 
     def resampled(self, s: Floats) -> Memory:
@@ -170,7 +170,7 @@ class Memory(Value):
         of_set = self.original_set or (self.s, self.plastic)
         lasts = self.has_set
         plastic = set_on(s, *of_set) if lasts else np.zeros((s.size - 1, self.plastic.shape[1]))
-        return replace(self, s=s, plastic=plastic, node_force=force,
+        return changed(self, s=s, plastic=plastic, node_force=force,
                        points=self.points.on(self.s, s), positions=positions, tangents=tangents,
                        original_set=of_set if lasts else None)
 
@@ -546,7 +546,7 @@ class Discretization(Value):
         known = memory.of is None or same(memory.of, self.surroundings)
         if not known or len(memory.node_force) != len(self.start.node_force):
             bodies = len(self.start.node_force)
-            memory = replace(memory.permanent_part(), node_force=np.zeros((bodies, memory.s.size)))
+            memory = changed(memory.permanent_part(), node_force=np.zeros((bodies, memory.s.size)))
         return memory.resampled(self.s)
 
     def _suits(self, memory: Memory) -> bool:

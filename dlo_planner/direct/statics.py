@@ -55,7 +55,7 @@ from dlo_planner.minimize.solve import (
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd, distance, spans
-from dlo_planner.model.value import Constant, freeze, put, read_only
+from dlo_planner.model.value import Constant, changed, freeze, put, read_only
 from dlo_planner.model.varying import scaled
 from dlo_planner.progress import INTERRUPT, uninterrupted
 
@@ -143,7 +143,7 @@ def _with_set_judged(shape: Shape, initial: Shape | None) -> Shape:
         return replace(shape, converged=False, state=replace(
             state, history=replace(after, hinge=hinge), estimate=Constant(np.inf)))
     return replace(shape, state=replace(
-        state, history=replace(after, set_error=max(before.set_error, error)),
+        state, history=changed(after, set_error=max(before.set_error, error)),
         estimate=Constant(error)))
 
 
@@ -268,7 +268,7 @@ def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:
     if not shape.contacts or shape.far_end is not None or mesh.yields or not mesh.may_hang:
         return np.inf
     gripper, finer = shape.gripper, mesh.finer
-    left = replace(past.under(past), positions=NOWHERE, tangents=NOWHERE).resampled(finer.s)
+    left = changed(past.under(past), positions=NOWHERE, tangents=NOWHERE).resampled(finer.s)
     system = finer.system(gripper.rotation, gripper.position, left)
     return 4 / 3 * float(correction(system, np.array(shape.element_strains),
                                     shape.positions - gripper.position))
@@ -378,7 +378,7 @@ def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips
             q, gone = uninterrupted(follow_homotopy(
                 system, q, bases, held_at - gripped, axes, rows))
         strains = mesh.strains_of(q)
-        memory = replace(memory, hold=system.hold.multiplier)
+        memory = changed(memory, hold=system.hold.multiplier)
         if gone == len(shares):
             break
         done = shares[gone - 1] if gone else done
@@ -408,7 +408,7 @@ def _initial_placement(mesh: Discretization, strains: Floats, begin: Grips, goal
         bare, strains, begin, goal, past, parts, False)
     if amid:
         shape = equilibrium(bare, gripper, strains, past, far_end)
-        past = replace(firm.past(memory), hold=shape.state.left.hold)
+        past = changed(firm.past(memory), hold=shape.state.left.hold)
         gripper, strains, past, _ = _grow_thickness(
             firm, shape.gripper, np.array(shape.element_strains), far_end, past)
     if firm is not mesh:
@@ -486,7 +486,7 @@ def _advance_in_parts(mesh: Discretization, strains: Floats, begin: Grips, goal:
                                   for pose in (where, begin.gripper, goal.gripper))
             begin, goal = begin._replace(gripper=first), goal._replace(gripper=last)
         memory = underway(mesh, found, where, memory)
-    return Predictor(goal.gripper, strains, replace(past, hold=memory.hold))
+    return Predictor(goal.gripper, strains, changed(past, hold=memory.hold))
 
 
 # ------------------------------------------------------------------------------------------------

@@ -11,10 +11,11 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from dataclasses import MISSING, Field, FrozenInstanceError, fields, is_dataclass
 from math import isnan
-from typing import Any, NoReturn, Self
+from typing import Any, NoReturn, Self, TypeVar
 
 import numpy as np
 
+_Kind = TypeVar('_Kind', bound='Value')
 _LONGEST, _SHOWN = 160, 4  # characters of a repr; items of a sequence in it
 
 
@@ -120,6 +121,24 @@ def parts_of(value: Value) -> Sequence[str]:
 def put(value: Value, **contents: object) -> None:
     """Set fields of a value while it is made."""
     value.__dict__.update(contents)
+
+
+def changed(value: _Kind, **contents: object) -> _Kind:
+    """Return the same dataclass with other contents of some fields, which are not judged.
+
+    Else as `dataclasses.replace`, which looks at every array of every field once more.
+    """
+    other = object.__new__(type(value))
+    known = value.__dict__
+    other.__dict__.update({name: known[name] for name in fields_of(type(value)) if name in known})
+    other.__dict__.update({name: owned(content) for name, content in contents.items()})
+    return other
+
+
+def fields_of(kind: type[Value]) -> Sequence[str]:
+    """Return the names of the fields of a dataclass."""
+    names: Sequence[str] = kind.__dataclass_fields__  # type: ignore[attr-defined]
+    return names
 
 
 def brief(value: Value, *parts: str) -> str:
