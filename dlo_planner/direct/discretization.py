@@ -197,7 +197,7 @@ class Memory(Value):
             _filed(arrays, 'point_element', (count,), 0, s.size - 2, int),
             _filed(arrays, 'point_obstacle', (count,), -bodies, bodies - 1, int),
             _filed(arrays, 'point_multiplier', (count,)),
-            _filed(arrays, 'point_fraction', (count,), 0.0, 1.0),
+            _filed(arrays, 'point_fraction', (count,), -1.0, 1.0),  # see `ContactSet`
             *(_filed(arrays, f'point_{name}', (count, 3)) for name in ContactPoints._fields[4:]))
         return cls(s, _filed(arrays, 'set', strain), float(_filed(arrays, 'lost', (), 0.0)),
                    _filed(arrays, 'hold', (min(np.size(arrays.get('hold', ())), 6),)),
