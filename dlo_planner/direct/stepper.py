@@ -96,16 +96,20 @@ class Row(NamedTuple):
     contacts: Floats
 
     @classmethod
-    def of(cls, buffer: StepBuffer, k: int) -> Row:
-        """Return a copy of row k: of many, few are kept."""
-        points, contacts = (slice(*one[k:k + 2]) for one in buffer.starts)
-        arrays: list[Any] = [buffer.nodes[:, k].copy(), buffer.bends[:, k].copy()]
-        arrays += [np.array(getattr(buffer, name)[k]) for name in cls._fields[2:16]]
-        arrays += [buffer.point_of[points].copy(), buffer.points[points].copy(),
-                   buffer.contact_of[contacts].copy(), buffer.contacts[contacts].copy()]
-        row = cls(*arrays)
-        freeze(row)
-        return row
+    def of(cls, buffer: StepBuffer, rows: Sequence[int]) -> list[Row]:
+        """Return copies of some rows: of many, few are kept."""
+        which, table = list(rows), cls._fields[-4:]
+        arrays = [np.ascontiguousarray(getattr(buffer, name)[:, which].swapaxes(0, 1))
+                  for name in cls._fields[:2]]
+        arrays += [getattr(buffer, name)[which] for name in cls._fields[2:-4]]
+        tables = [np.array(getattr(buffer, name)) for name in table]
+        freeze([arrays, tables])
+        found = []
+        for k, row in enumerate(which):
+            points, contacts = (slice(*one[row:row + 2]) for one in buffer.starts)
+            found.append(cls(*(array[k] for array in arrays), *(array[points]
+                             for array in tables[:2]), *(array[contacts] for array in tables[2:])))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,23 +284,20 @@ class Stepper:
             return None
         free = now.free and (culled or self.discretization.hangs)
 
-        def instant(row: int) -> TimePoint:
-            return TimePoint(float(where[row]), Row.of(buffer, row), self, free, how,
-                             now.begun, passed=now.passed or row > passed)
-
         passed = self._passed(buffer, last, end)
         where = np.concatenate([np.full(PAST, np.nan), [now.place], places])
-        kept = [instant(row) for row in range(PAST + 1, last + 1)
-                if where[row] == np.rint(where[row])]
-        ended = now
-        if last > PAST:
-            ended = kept[-1] if kept and kept[-1].place == where[last] else instant(last)
+        kept = [row for row in range(PAST + 1, last + 1) if where[row] == np.rint(where[row])]
+        rows = sorted({*kept, *([last] if last > PAST else []), *([end] if end > last else [])})
+        instants = {row: TimePoint(float(where[row]), one, self, free, how, now.begun,
+                                   passed=now.passed or row > passed)
+                    for row, one in zip(rows, Row.of(buffer, rows), strict=True)}
         nodes = buffer.nodes[0]
         return StepBatch(
-            buffer.proofs[PAST + 1:last + 1, 2], kept, ended,
+            buffer.proofs[PAST + 1:last + 1, 2], [instants[row] for row in kept],
+            instants[last] if last > PAST else now,
             [(float(buffer.times[row]), nodes[row].copy()) for row in (last - 2, last - 1)],
             nodes[PAST + 1:last + 1, self.watched], budget,
-            instant(end) if end > last else None)
+            instants[end] if end > last else None)
 
     def _passed(self, buffer: StepBuffer, last: int, end: int) -> int:
         """Return the row after which the DLO passes through itself; `end` if not until `last`."""
