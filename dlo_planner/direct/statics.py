@@ -758,8 +758,12 @@ _ROUGH, _MORE_WORK = 0.05, 2.0
 def overspent(previous: Shape, shape: Shape) -> float:
     """Return by how much, in J, plastic deformation takes more in a step than it was given; else 0.
 
-    It was given the work of the grips, and the energy that is not there any more.
+    It was given the work of the grips, and the energy that is not there any more. Energies of
+    another DLO, or of one under other forces, say nothing of that: then it is 0, as it is where
+    the energy before is not known (nan).
     """
+    if not _compare(previous, shape):
+        return 0.0
     lost = shape.dissipated - previous.dissipated
     one, other = previous.gripper, shape.gripper
     work, spread = work_of_grips(
@@ -768,7 +772,19 @@ def overspent(previous: Shape, shape: Shape) -> float:
         previous.positions, shape.positions, previous.far_wrench, shape.far_wrench)
     given = previous.energy - shape.energy + max(work, 0.0) * _MORE_WORK + min(work, 0.0)
     energy = max(previous.elastic_energy, shape.elastic_energy)
-    return max(0.0, lost - given - _MORE_WORK * spread - _ROUGH * energy)
+    excess = lost - given - _MORE_WORK * spread - _ROUGH * energy
+    return excess if excess > 0.0 else 0.0
+
+
+def _compare(previous: Shape, shape: Shape) -> bool:
+    """Whether energies of two Shapes are of one potential, as far as their meshes are known.
+
+    Obstacles are none of it: what touches does no work.
+    """
+    one, other = previous.state.mesh, shape.state.mesh
+    if one is None or other is None or one.surroundings is other.surroundings:
+        return True
+    return replace(one.surroundings, obstacles=()) == replace(other.surroundings, obstacles=())
 
 
 @kernel

@@ -393,6 +393,21 @@ def test_no_shape_takes_more_energy_than_it_was_given():
     np.testing.assert_allclose(next_one.positions[-1], shape.positions[-1], atol=1e-4)
 
 
+def test_energies_of_other_forces_or_another_rod_refuse_no_shape():
+    # a wire that begins high up, as it hung under gravity upward or was softer, ends where it does
+    # from nowhere; it "loses" what the other forces or the other rod had no part in
+    wire, soft = (Rod.circular(0.6, 0.002, 8900, modulus, 0.34, yield_stress=70e6, hardening=0.05)
+                  for modulus in (1.2e11, 1.2e10))
+    down, up, other = (DirectSimulator(rod, gravity=(0, 0, g), basis='local', n_elements=32)
+                       for rod, g in ((wire, -60.0), (wire, 60.0), (soft, -60.0)))
+    cold = down.solve(HERE)
+    for start in (up.solve(HERE), other.solve(HERE)):
+        shape = down.solve(HERE, start)
+        assert start.converged and shape.converged
+        assert overspent(start, shape) == 0
+    np.testing.assert_allclose(shape.positions, cold.positions, atol=1e-6)
+
+
 def test_a_step_that_takes_more_is_refused_and_leaves_the_set_before_it(monkeypatch):
     wire, load = loaded_wire(1.3)
     more = DirectSimulator(wire, basis='local', n_elements=32, **loaded_wire(1.65)[1])
