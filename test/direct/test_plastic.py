@@ -385,12 +385,15 @@ def test_no_shape_takes_more_energy_than_it_was_given():
     assert there.converged and overspent(shape, there) == 0
     much = replace(there, dissipated=there.dissipated + 10.0)
     assert overspent(shape, much) == pytest.approx(10.0, rel=0.1)
-    wrong = replace(there, converged=False, state=replace(there.state, overspent=10.0))
+    its_set = replace(there.history, plastic=3 * there.history.plastic)
+    wrong = replace(there, converged=False, state=replace(
+        there.state, overspent=10.0, history=its_set))
     assert 'lost 10 J more to plastic deformation than it was given' in wrong.status
     assert not wrong.nearly
     next_one = simulator.solve(HERE, wrong)  # begins with the set before it
     assert next_one.converged
     np.testing.assert_allclose(next_one.positions[-1], shape.positions[-1], atol=1e-4)
+    np.testing.assert_allclose(next_one.history.plastic, shape.history.plastic, atol=1e-3)
 
 
 def test_energies_of_other_forces_or_another_rod_refuse_no_shape():
@@ -418,6 +421,16 @@ def test_a_step_that_takes_more_is_refused_and_leaves_the_set_before_it(monkeypa
     np.testing.assert_array_equal(wrong.history.plastic, shape.history.plastic)
     monkeypatch.undo()
     assert more.solve(HERE, shape).converged
+
+
+def test_what_no_dlo_can_be_in_leaves_the_set_before_it(monkeypatch):
+    wire, load = loaded_wire(1.3)
+    simulator = DirectSimulator(wire, basis='local', n_elements=8, **load)
+    assert simulator.solve(HERE).history.plastic.any()
+    monkeypatch.setattr(statics, 'is_equilibrium', lambda *_: False)
+    monkeypatch.setattr(Shape, 'impossible', 'an element is bent by more than half a turn')
+    wrong = simulator.solve(HERE)
+    assert not wrong.converged and not wrong.history.plastic.any()
 
 
 def test_an_element_bent_by_more_than_half_a_turn_is_no_answer():
