@@ -22,6 +22,7 @@ from dlo_planner.direct.shape import kernel_arrays
 from dlo_planner.direct.statics import between
 from dlo_planner.geometry.writhe import link
 from dlo_planner.plan import builder
+from dlo_planner.plan.continuity import passes_itself
 from dlo_planner.results import Motion
 from dlo_planner.tasks import MoveTo
 
@@ -58,6 +59,9 @@ def test_a_step_through_itself_says_so(loop, tmp_path):
     assert Shape.load(tmp_path / 'shape.npz').passed_itself is True
     beside = simulator.solve(LOOK((-0.2, -0.04, 0.06), (1, 0.8, 0)), before, far_end=FAR)
     assert beside.passed_itself is False and linked(beside) == pytest.approx(1, abs=1e-3)
+    # of a part of the DLO, which no simulator of the whole can follow, the straight way decides
+    whole = DirectSimulator(Rod.circular(1.2, 0.006, 1200, 5e7, 0.4), gravity=(0, 0, 0))
+    assert passes_itself(whole, before, through) and not passes_itself(whole, before, beside)
 
 
 def test_it_says_so_in_the_one_step_of_a_track_in_which_it_does(loop):
