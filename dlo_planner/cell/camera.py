@@ -26,6 +26,7 @@ _LONG_BEFORE = -60.0  # s: a run begins in the midst of spells
 _ALONG, _BESIDE, _SLACK = (-0.05, -0.9), (0.03, 0.12), (0.02, 0.1)
 _ROUNDING = 1e-9  # s
 _CARRIED_BY = 0.4  # of the length, before the hidden part: what a tracker moves that along with
+_LEAST_NODES = 9  # of a tracker: three are in that part then, which tell how it turns
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,9 +80,10 @@ class Camera(Value):
             if item.type is float:
                 put(self, **{item.name: number(f'Camera.{item.name}', getattr(self, item.name),
                                                **limits.get(item.name, {'minimum': 0}))})
-        put(self, points=integer('Camera.points', self.points, minimum=1, maximum=10_000),
-            sees_hole=flag('Camera.sees_hole', self.sees_hole),
-            fills_in=flag('Camera.fills_in', self.fills_in),
+        put(self, sees_hole=flag('Camera.sees_hole', self.sees_hole),
+            fills_in=flag('Camera.fills_in', self.fills_in))
+        put(self, points=integer('Camera.points', self.points, maximum=10_000,
+                                 minimum=_LEAST_NODES if self.fills_in else 1),
             **{name: vector(f'Camera.{name}', getattr(self, name), 3)
                for name in ('offset', 'turn', 'turned_about')})
         if self.outliers + self.second_cable > 1:

@@ -43,8 +43,10 @@ def case(name: str, seed: int) -> tuple[Disturbances, Camera]:
     if name in CASES:
         return CASES[name](np.random.default_rng(key))
     rng, both = np.random.default_rng(key), (NOMINAL, BAD)
-    for one in instance('name', name, str).split(JOINED):
-        both = FAULTS[choice('name', one, [*CASES, *FAULTS])](rng, *both)
+    names = instance('name', name, str).split(JOINED)
+    for one in names:  # a case by itself is none that a fault can be added to
+        both = FAULTS[choice('name', one, FAULTS if len(names) > 1 else [*CASES, *FAULTS])](
+            rng, *both)
     return both
 
 

@@ -253,11 +253,7 @@ def _lost(previous: Shape, shape: Shape) -> bool:
     What does not count is the error of the work, and what bends all of the DLO by a leap.
     """
     previous = _on_mesh_of(shape, previous)
-    one, other = previous.gripper, shape.gripper
-    work, spread = work_of_grips(
-        one.rotation, other.rotation, one.position, other.position, previous.gripper_wrench,
-        shape.gripper_wrench, shape.far_end is not None, previous.frames, shape.frames,
-        previous.positions, shape.positions, previous.far_wrench, shape.far_wrench)
+    work, spread = work_of_grips(previous, shape)
     lost = previous.energy + work - shape.energy - (shape.dissipated - previous.dissipated)
     energy = max(previous.elastic_energy, shape.elastic_energy)
     least = _SPREAD * spread + _EXACT * energy

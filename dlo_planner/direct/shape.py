@@ -123,7 +123,7 @@ class State(Value):
     estimate: Callable[[], float] = field(default=_NOT_KNOWN, compare=False)  # m, `error_estimate`
     culled: bool = field(default=False, compare=False)  # found without what may act, which does not
     kicks: int = field(default=0, compare=False)  # how often the search for it left a saddle
-    overspent: float = field(default=0.0, compare=False)  # J, see `balance.overspent`
+    overspent: float = field(default=0.0, compare=False)  # J, see `statics.overspent`
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Discretization):  # else a simulator made it
@@ -902,7 +902,7 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     history = Memory.unpacked(past, float(stored['s'][-1])) if past else None
     values = {name: stored[name] for name in _ARRAYS}
     values |= {name: stored[name].item() for name in _NUMBERS}
-    passed = float(stored.get('passed_itself', 0.0))  # 1, 0, or nan
+    passed = float(stored.get('passed_itself', np.nan))  # 1, 0, or nan
     return Shape(gripper=pose_of_row(stored['gripper']), contacts=contacts, far_end=far_end,
                  passed_itself=bool(passed) if passed in (0.0, 1.0) else np.nan,
                  state=State(history=history, estimate=Constant(float(stored['error_estimate']))),

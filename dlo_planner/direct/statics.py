@@ -727,9 +727,9 @@ def halved(mesh: Discretization, gripper: Pose, strains: Floats, before: Memory,
 
 
 def moved_from(mesh: Discretization, positions: Floats, finer: Shape, culled: bool) -> float:
-    """Return what `estimated` does, of nodes at `positions` (N + 1, 3) that are moved in `finer`.
+    """Return the error in m of nodes at `positions` (N + 1, 3), from where they are in `finer`.
 
-    Infinite where that is another shape in contact.
+    It is infinite where that is another shape in contact.
     """
     moved = np.linalg.norm(finer.positions[::2] - positions, axis=1).max()
     if mesh.obstructed and not culled and moved > _ELSEWHERE * mesh.s[-1]:
@@ -758,27 +758,50 @@ _ROUGH, _MORE_WORK = 0.05, 2.0
 def overspent(previous: Shape, shape: Shape) -> float:
     """Return by how much, in J, plastic deformation takes more in a step than it was given; else 0.
 
-    It was given the work of the grips, and the energy that is not there any more.
+    It was given the work of the grips, and the energy that is not there any more. Energies of
+    another DLO, or of one under other forces, say nothing of that: then it is 0, as it is where
+    the energy before is not known (nan).
     """
+    if not _compare(previous, shape):
+        return 0.0
     lost = shape.dissipated - previous.dissipated
-    one, other = previous.gripper, shape.gripper
-    work, spread = work_of_grips(
-        one.rotation, other.rotation, one.position, other.position, previous.gripper_wrench,
-        shape.gripper_wrench, shape.far_end is not None, previous.frames, shape.frames,
-        previous.positions, shape.positions, previous.far_wrench, shape.far_wrench)
+    work, spread = work_of_grips(previous, shape)
     given = previous.energy - shape.energy + max(work, 0.0) * _MORE_WORK + min(work, 0.0)
     energy = max(previous.elastic_energy, shape.elastic_energy)
-    return max(0.0, lost - given - _MORE_WORK * spread - _ROUGH * energy)
+    excess = lost - given - _MORE_WORK * spread - _ROUGH * energy
+    return excess if excess > 0.0 else 0.0
 
 
-@kernel
-def work_of_grips(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats,
-                  after: Floats, held: bool, frames: Floats, frames_after: Floats,
-                  positions: Floats, positions_after: Floats, far_before: Floats,
-                  far_after: Floats) -> tuple[float, float]:
+def _compare(previous: Shape, shape: Shape) -> bool:
+    """Whether energies of two Shapes are of one potential, as far as their meshes are known.
+
+    Obstacles are none of it: what touches does no work.
+    """
+    one, other = previous.state.mesh, shape.state.mesh
+    if one is None or other is None or one.surroundings is other.surroundings:
+        return True
+    return replace(one.surroundings, obstacles=()) == replace(other.surroundings, obstacles=())
+
+
+def work_of_grips(previous: Shape, shape: Shape) -> tuple[float, float]:
     """Return the work in J of the grips on a straight way, forces changing evenly, and its spread.
 
     It is larger or smaller by up to the spread if all of the change is at one end of the way.
+    """
+    one, other = previous.gripper, shape.gripper
+    return _work_of_grips(
+        one.rotation, other.rotation, one.position, other.position, previous.gripper_wrench,
+        shape.gripper_wrench, shape.far_end is not None, previous.frames, shape.frames,
+        previous.positions, shape.positions, previous.far_wrench, shape.far_wrench)
+
+
+@kernel
+def _work_of_grips(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats,
+                   after: Floats, held: bool, frames: Floats, frames_after: Floats,
+                   positions: Floats, positions_after: Floats, far_before: Floats,
+                   far_after: Floats) -> tuple[float, float]:
+    """Return the work of both grips in J and its spread, of arrays.
+
     Rotations, positions and wrenches on the DLO are those before and after the step. A far end that
     is not `held` after it has been let go, which is no work.
     """
@@ -793,7 +816,7 @@ def work_of_grips(one: Floats, other: Floats, begin: Floats, end: Floats, before
 @kernel
 def _work(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats,
           after: Floats) -> tuple[float, float]:
-    """Return what `work_of_grips` does, of one grip."""
+    """Return the work of one grip in J and its spread."""
     turn = rotation_vector(times_transposed(matrix(other), matrix(one)))
     work = spread = 0.0
     for i in range(3):

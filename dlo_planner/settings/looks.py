@@ -151,9 +151,7 @@ def _of_table(path: Path, gripper: Pose, scale: float) -> Observation:
         return _observation(str(path), gripper, {'points': scale * _array_of(path)})
     lines = _lines(path)
     delimiter = _delimiter(path, lines)
-    rows = [(number, line.split() if delimiter == ' ' else [
-        cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))])
-        for number, line in lines]
+    rows = [(number, _cells(f'{path}, line {number}', line, delimiter)) for number, line in lines]
     columns: list[_Column] = []
     if rows and not all(_is_number(cell) for cell in rows[0][1]):
         columns = _columns(f'{path}, line {rows[0][0]}', rows.pop(0)[1], scale)
@@ -227,12 +225,27 @@ def _delimiter(path: Path, lines: Sequence[tuple[int, str]]) -> str:
     return next((one for one in ';\t,' if one in text), ' ')
 
 
+def _cells(where: str, line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line."""
+    if delimiter == ' ':
+        return line.split()
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+    except csv.Error as error:  # a cell of more than 128 KiB
+        raise InvalidTask(f'{where}: expected lines of x, y, z, {error}') from None
+
+
 def _is_number(cell: str) -> bool:
     return _number(cell) is not None
 
 
 def _number(cell: str) -> float | None:
-    """Return a cell as a number, with a decimal point or comma; None if it is none."""
+    """Return a cell as a number, with a decimal point or comma; None if it is none.
+
+    1_0, which Python takes for 10, is none.
+    """
+    if '_' in cell:
+        return None
     if _DECIMAL_COMMA.fullmatch(cell):
         cell = cell.replace(',', '.')
     try:

@@ -71,8 +71,9 @@ def test_faults_are_what_is_stated_by_themselves_and_together():
     disturbed, camera = case(f'kink{JOINED}biased camera', 3)
     assert disturbed.kinks
     assert np.linalg.norm(camera.offset) == pytest.approx(3e-3)
-    with pytest.raises(InvalidTask, match='name'):
-        case(f'kink{JOINED}rain', 0)
+    for wrong in ('rain', 'nominal'):  # which is not wrong by itself
+        with pytest.raises(InvalidTask, match=f"name = '{wrong}': expected one of 'kink'"):
+            case(f'kink{JOINED}{wrong}', 0)
 
 
 @pytest.mark.parametrize(('name', 'seed', 'ends'), [('turned camera', 1, 'refused'),

@@ -156,6 +156,19 @@ def test_a_tracker_fills_the_free_third_in_with_what_it_saw_last(rng):
     assert errors[:, -1].max() > 0.02
 
 
+@pytest.mark.parametrize('nodes', [9, 10])
+def test_a_tracker_of_few_nodes_knows_how_the_hidden_part_moves(plant, nodes, rng):
+    viewer = Viewer(Camera(rate=50.0, latency=0.0, noise=1e-4, points=nodes, fills_in=True,
+                           blind=0.5), rng)
+    images = []
+    for _ in range(200):
+        images += viewer.images(plant, HOLE)
+        plant.time += 0.05  # at rest nothing moves
+    points = np.array([image.points for image in images])
+    np.testing.assert_allclose(points[:, :, 0], np.tile(np.linspace(0, 1, nodes), (200, 1)),
+                               atol=0.01)
+
+
 def test_the_same_seed_sees_the_same(plant):
     one, other = (seen(plant, BAD, 0.2, np.random.default_rng(3)) for _ in range(2))
     assert len(one) == len(other) == 2
@@ -167,7 +180,7 @@ def test_the_same_seed_sees_the_same(plant):
                                    {'hidden': 0.7}, {'blind': 1.2}, {'second_cable': -0.1},
                                    {'second_cable': 0.6, 'outliers': 0.6},
                                    {'hidden': 0.65, 'blind': 0.1}, {'noise': np.nan},
-                                   {'sees_hole': 1}])
+                                   {'sees_hole': 1}, {'points': 8, 'fills_in': True}])
 def test_what_makes_no_sense_is_refused(given):
     with pytest.raises(InvalidTask, match=f'Camera.{next(iter(given))}'):
         Camera(**given)

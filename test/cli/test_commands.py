@@ -7,6 +7,7 @@ import json
 import os
 import re
 import shlex
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -215,6 +216,14 @@ def test_points_that_no_such_dlo_has_are_not_explained():
     result = run('identify', 'copper_wire', 'wire.csv', *given)
     assert result.exit_code == 0 and re.search(r'misfit +[0-9.]+e-1', result.output)
     assert Path('found.yaml').exists()
+
+
+def test_doubts_are_said_whatever_python_was_told_of_warnings():
+    Path('seen.csv').write_text('x,y,z,S1\n0.2,0,1,0.2\n')
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore')
+        result = run('identify', 'copper_wire', 'seen.csv', '-g', '0,0,1', '--noise', '-1')
+    assert result.output.count("warning: seen.csv, line 1: column 'S1' is not read") == 1
 
 
 def test_grams_for_kilograms_are_doubted():

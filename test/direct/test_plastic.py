@@ -385,12 +385,30 @@ def test_no_shape_takes_more_energy_than_it_was_given():
     assert there.converged and overspent(shape, there) == 0
     much = replace(there, dissipated=there.dissipated + 10.0)
     assert overspent(shape, much) == pytest.approx(10.0, rel=0.1)
-    wrong = replace(there, converged=False, state=replace(there.state, overspent=10.0))
+    its_set = replace(there.history, plastic=3 * there.history.plastic)
+    wrong = replace(there, converged=False, state=replace(
+        there.state, overspent=10.0, history=its_set))
     assert 'lost 10 J more to plastic deformation than it was given' in wrong.status
     assert not wrong.nearly
     next_one = simulator.solve(HERE, wrong)  # begins with the set before it
     assert next_one.converged
     np.testing.assert_allclose(next_one.positions[-1], shape.positions[-1], atol=1e-4)
+    np.testing.assert_allclose(next_one.history.plastic, shape.history.plastic, atol=1e-3)
+
+
+def test_energies_of_other_forces_or_another_rod_refuse_no_shape():
+    # a wire that begins high up, as it hung under gravity upward or was softer, ends where it does
+    # from nowhere; it "loses" what the other forces or the other rod had no part in
+    wire, soft = (Rod.circular(0.6, 0.002, 8900, modulus, 0.34, yield_stress=70e6, hardening=0.05)
+                  for modulus in (1.2e11, 1.2e10))
+    down, up, other = (DirectSimulator(rod, gravity=(0, 0, g), basis='local', n_elements=32)
+                       for rod, g in ((wire, -60.0), (wire, 60.0), (soft, -60.0)))
+    cold = down.solve(HERE)
+    for start in (up.solve(HERE), other.solve(HERE)):
+        shape = down.solve(HERE, start)
+        assert start.converged and shape.converged
+        assert overspent(start, shape) == 0
+    np.testing.assert_allclose(shape.positions, cold.positions, atol=1e-6)
 
 
 def test_a_step_that_takes_more_is_refused_and_leaves_the_set_before_it(monkeypatch):
@@ -403,6 +421,16 @@ def test_a_step_that_takes_more_is_refused_and_leaves_the_set_before_it(monkeypa
     np.testing.assert_array_equal(wrong.history.plastic, shape.history.plastic)
     monkeypatch.undo()
     assert more.solve(HERE, shape).converged
+
+
+def test_what_no_dlo_can_be_in_leaves_the_set_before_it(monkeypatch):
+    wire, load = loaded_wire(1.3)
+    simulator = DirectSimulator(wire, basis='local', n_elements=8, **load)
+    assert simulator.solve(HERE).history.plastic.any()
+    monkeypatch.setattr(statics, 'is_equilibrium', lambda *_: False)
+    monkeypatch.setattr(Shape, 'impossible', 'an element is bent by more than half a turn')
+    wrong = simulator.solve(HERE)
+    assert not wrong.converged and not wrong.history.plastic.any()
 
 
 def test_an_element_bent_by_more_than_half_a_turn_is_no_answer():

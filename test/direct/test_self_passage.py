@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
     DirectSimulator,
@@ -21,6 +22,7 @@ from dlo_planner.direct.shape import kernel_arrays
 from dlo_planner.direct.statics import between
 from dlo_planner.geometry.writhe import link
 from dlo_planner.plan import builder
+from dlo_planner.plan.continuity import passes_itself
 from dlo_planner.results import Motion
 from dlo_planner.tasks import MoveTo
 
@@ -57,6 +59,9 @@ def test_a_step_through_itself_says_so(loop, tmp_path):
     assert Shape.load(tmp_path / 'shape.npz').passed_itself is True
     beside = simulator.solve(LOOK((-0.2, -0.04, 0.06), (1, 0.8, 0)), before, far_end=FAR)
     assert beside.passed_itself is False and linked(beside) == pytest.approx(1, abs=1e-3)
+    # of a part of the DLO, which no simulator of the whole can follow, the straight way decides
+    whole = DirectSimulator(Rod.circular(1.2, 0.006, 1200, 5e7, 0.4), gravity=(0, 0, 0))
+    assert passes_itself(whole, before, through) and not passes_itself(whole, before, beside)
 
 
 def test_it_says_so_in_the_one_step_of_a_track_in_which_it_does(loop):
@@ -139,6 +144,25 @@ def test_how_a_free_end_falls_is_not_known():
     assert straight.passed_itself is False and 'passed_itself' not in straight.not_looked_at
 
 
+def test_of_a_fall_in_which_grips_turn_far_the_link_tells_nothing(loop):
+    simulator, before = loop
+    for turn, known in ((0.5, True), (1.5, False)):
+        roll = Rotation.from_euler('x', turn).as_matrix()
+        gripper = Pose.from_rotation(OVER.position, OVER.rotation @ roll)
+        after = simulator.solve(gripper, before, far_end=FAR)
+        assert after.converged and after.passed_itself is False
+        said = self_passage.passed_between(before, after, True)
+        assert said is False if known else np.isnan(said)
+
+
+def test_of_a_fall_about_a_ball_joint_the_link_tells_nothing():
+    simulator = DirectSimulator(Rod.circular(1, 0.006, 1200, 5e7, 0.4), gravity=(0, 0, 0),
+                                grip='pinned')
+    near, far = LOOK((-0.2, 0.1, 0.06), (1, -0.2, 0.1)), LOOK((-0.2, -0.1, 0), (-1, -0.2, 0))
+    shape = simulator.solve(near, far_end=far)
+    assert shape.converged and np.isnan(self_passage.passed_between(shape, shape, True))
+
+
 def test_what_bends_little_is_not_looked_at(monkeypatch):
     simulator = DirectSimulator(Rod(1.0, 0.05, 0.2, 0.15))
     before = simulator.solve(LOOK((0, 0, 0), (1, 0, 0)))
@@ -149,6 +173,8 @@ def test_what_bends_little_is_not_looked_at(monkeypatch):
     assert mesh.bending_back == pytest.approx(0.5 * 0.2 * (np.pi / 2) ** 2)
     coiled = DirectSimulator(Rod(1.0, 0.05, 0.2, 0.15, natural_curvature=(2.0, 0.0))).mesh
     assert coiled.bending_back == 0
+    for_good = DirectSimulator(Rod(1.0, 0.05, 0.2, 0.15, yield_curvature=3.0)).mesh
+    assert for_good.bending_back == 0  # what has yielded bends without any energy
 
 
 def test_without_a_radius_nobody_knows_whether_it_lies_in_itself():

@@ -61,7 +61,9 @@ def test_what_the_terminal_writes_of_a_shape_is_read_as_its_points(tmp_path):
     ('s,xx,y,z\n0.1,0.2,0,1\n', 'expected a column x, .* did you mean x?'),
     ('time,x,y,z\n0,0.2,0,1\n1,0.3,0,1\n', 'column time changes: expected points of a DLO at rest'),
     ('x,y,z\n', 'expected lines of x, y, z'), ('', 'expected lines of x, y, z'),
-    ('x,y,"z\n1,2,3\n', 'a quote is not closed')])
+    ('x,y,"z\n1,2,3\n', 'a quote is not closed'),
+    (f'x,y,z\n0.2,0,{"1" * 200_000}\n', 'line 2: expected lines of x, y, z, field larger'),
+    ('x,y,z\n1_0,2,3\n', "line 2: x = '1_0'")])
 @pytest.mark.filterwarnings('ignore::dlo_planner.errors.DoubtfulInput')
 def test_what_would_have_to_be_guessed_is_refused(tmp_path, text, said):
     with pytest.raises(InvalidTask, match=f'seen.csv.*{said}'):

@@ -21,7 +21,7 @@ from dlo_planner.settings.build import (
     spread_of,
     tolerance_of,
 )
-from dlo_planner.settings.parameters import PARAMETERS
+from dlo_planner.settings.parameters import PARAMETERS, within_limits
 from dlo_planner.settings.yaml_files import config_files, read_values, write_values
 
 HEAD = '/**:\n  ros__parameters:\n'
@@ -118,6 +118,19 @@ def test_what_is_hardly_meant_is_doubted(changes, said):
 def test_what_makes_no_sense_is_named(tmp_path, text, head, named):
     with pytest.raises(InvalidTask, match=named):
         read_values(written(tmp_path, text, head))
+
+
+@pytest.mark.parametrize(('name', 'unit'), [
+    ('rod.length', ' m'), ('rod.density', ' kg/m^3'), ('rod.mass_per_length', ' kg/m'),
+    ('rod.torsional_stiffness', ' N m^2'), ('rod.yield_torsion', ' 1/m'), ('rod.tip_mass', ' kg'),
+    ('threading.linear_speed', ' m/s'), ('threading.linear_acceleration', ' m/s^2'),
+    ('threading.angular_jerk', ' rad/s^3'), ('execute.longest_pause', ' s'),
+    ('observe.kink', ' rad'), ('rod.poisson_ratio', ''), ('simulator.n_elements', '')])
+def test_a_range_is_said_with_the_unit_of_its_parameter(name, unit):
+    entry = PARAMETERS[name]
+    with pytest.raises(InvalidTask) as refused:
+        within_limits(name, -1e9, entry)
+    assert str(refused.value).endswith(f': expected {entry.lowest:g} to {entry.highest:g}{unit}')
 
 
 def test_a_file_that_is_not_there():
