@@ -221,7 +221,8 @@ class Insert(Task):
     depths : ndarray, shape (n,) or None
         Arc lengths that are inside, m. If None, chosen by the solver.
     friction : float or None
-        Coulomb's coefficient in the bore. If None, not known: `Plan.insertion_force` is nan.
+        Coulomb's coefficient in the bore. If None, not known: `Plan.insertion_force` is nan, its
+        status 'not looked at'.
     """
 
     bore: CutOut
@@ -266,6 +267,7 @@ class Insert(Task):
 
         plan = first_feasible(partial(planned, begin) for begin in start_candidates(
             simulator, bore.normal, context.start))
-        return replace(plan, insertion_force=np.array([
-            uninterrupted(insertion_force(simulator, bore, self.friction, depth, shape))
-            for depth, shape in zip(plan.depths, plan.shapes, strict=True)]))
+        pushes = [uninterrupted(insertion_force(simulator, bore, self.friction, depth, shape))
+                  for depth, shape in zip(plan.depths, plan.shapes, strict=True)]
+        return replace(plan, insertion_force=np.array([push.force for push in pushes]),
+                       insertion_status=tuple(push.status for push in pushes))
