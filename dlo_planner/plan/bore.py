@@ -18,6 +18,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -38,7 +39,7 @@ _BAND = 7           # nodes have four unknowns, and act on those of their neighb
 _SOFT, _SLOW, _STIFFER = 1e-6, 0.3, 10.0
 _WALL = 1e-5        # of the room: how far nodes may be off their places
 _WALLS, _HALVINGS = 40, 30  # searches, halvings of a step
-_STEPS = 60         # of Newton's method
+_STEPS = 400        # of Newton's method: where the beam buckles it goes far
 _SAME = 1e-9        # of the room and what walls give way: a Newton step that is none
 _DESCENT, _NOISE = 1e-4, 1e-13  # of what a step promises; of the energy: its rounding errors
 _CALM = 2           # steps that promise no more than these: it is the minimum
@@ -159,17 +160,20 @@ def _compliance(outside: Shape) -> Floats:
     Of the elements' strains: each turns what lies beyond it.
     """
     assert outside.rod is not None
-    frame, s = outside.frames[-1], 0.5 * (outside.s[1:] + outside.s[:-1])
-    total = np.zeros((5, 5))
-    for place, length, stiffness in zip(s, np.diff(outside.s), outside.rod.stiffnesses(s),
-                                        strict=True):
-        axes, position = outside.frame_at(place)
-        arm = outside.positions[-1] - position
-        # a turn w of this element: the end moves by w x arm, its tangent t turns by w x t
-        answers = np.array([np.cross(arm, frame[:, 1]), np.cross(arm, frame[:, 2]),
-                            frame[:, 2], -frame[:, 1], np.cross(arm, frame[:, 0])]) @ axes
-        total += length * answers @ np.diag(1 / stiffness) @ answers.T
-    return total
+    end, lengths = outside.frames[-1], np.diff(outside.s)
+    s = outside.s[:-1] + 0.5 * lengths
+    axes = outside.frames[:-1] @ Rotation.from_rotvec(
+        0.5 * lengths[:, None] * outside.element_strains).as_matrix()
+    arms = outside.positions[-1] - outside.positions_at(s)
+    # a turn w of an element: the end moves by w x arm, its tangent t turns by w x t
+    answers = np.empty((s.size, 5, 3))
+    for row, axis in ((0, end[:, 1]), (1, end[:, 2]), (4, end[:, 0])):
+        answers[:, row] = np.cross(arms, axis)
+    answers[:, 2:4] = end[:, 2], -end[:, 1]
+    answers = answers @ axes
+    parts: Floats = lengths[:, None] / outside.rod.stiffnesses(s)
+    result: Floats = np.einsum('kia,ka,kja->ij', answers, parts, answers)
+    return result
 
 
 class Beam(Record):

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -394,6 +395,22 @@ def padded_clearances(clearances: Sequence[Sequence[Sequence[float] | Floats] | 
         if len(rooms):
             out[k, :len(rooms)] = rooms
     return out
+
+
+def greatest_push(plan: Plan) -> tuple[float, str]:
+    """Return the greatest `insertion_force` that is known (N, or nan), and where others are not.
+
+    In words, of the waypoints with the DLO in the bore; empty if all of them are known, or none.
+    """
+    held = [(force, status) for force, status, shape in zip(
+        plan.insertion_force.tolist(), plan.insertion_status, plan.shapes, strict=True)
+        if shape.far_end is not None]
+    known = [force for force, status in held if status == FOUND]
+    others = Counter(status for _, status in held if status != FOUND)
+    if not others or set(others) == {NOT_LOOKED_AT} and not known:
+        return max(known, default=np.nan), ''
+    counts = ', '.join(f'{status} at {count}' for status, count in sorted(others.items()))
+    return max(known, default=np.nan), f'{counts} of {len(held)} waypoints'
 
 
 def means_to_touch(plan: Plan) -> bool:

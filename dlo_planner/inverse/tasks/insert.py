@@ -93,9 +93,10 @@ class Insertion(Family):
            final: bool = False) -> Passing | None:
         """Return the Passing at a way, m; a waypoint is confirmed, with its end at the mouth."""
         del roll
-        return before if depth == before.depth and final else self._passing(depth, final)
+        return before if depth == before.depth and final else self._passing(
+            depth, final, before)
 
-    def _passing(self, way: float, final: bool) -> Passing | None:
+    def _passing(self, way: float, final: bool, before: Passing | None = None) -> Passing | None:
         k = min(int(np.searchsorted(self.way, way, side='right')) - 1, len(self._stops) - 1)
         stop = self._stops[k]
         if way > self.way[k]:
@@ -107,9 +108,10 @@ class Insertion(Family):
         shape = self._shape(outside)
         if shape is None:
             return None
-        if final:
-            shape = self._held(stop, outside, shape)
-        return Passing(shape, depth=way)
+        passing = Passing(shape, depth=way)
+        if not final or before is not None and self.too_far(before, passing, way - before.depth):
+            return passing  # what is too far from the one before is no waypoint
+        return Passing(self._held(stop, outside, shape), depth=way)
 
     def _shape(self, outside: DirectSimulator) -> Shape | None:
         """Return the Shape of the part outside, free of force at its end, or None."""
