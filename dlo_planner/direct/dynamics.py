@@ -322,6 +322,7 @@ def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:
 
 
 _LOOKS = 4           # places between two instants where the grips are looked at
+_CLOSE = 3           # halvings of a step that leads a grip into an obstacle, until it is the end
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
 _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
@@ -351,11 +352,7 @@ def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     if not begun.start.converged:
         ended = Run([first], [], 0.0, 'unsolved', 'the shape at time 0 was not found')
         return _motion(stepper, ended, plan.tolerance, None)
-    blocked = _blocked(stepper, plan.instants)
-    made = run(stepper, first, plan if blocked is None else replace(
-        plan, instants=int(np.ceil(blocked[0])) or 1), progress)
-    if blocked is not None and made.status == 'complete':
-        made = made._replace(status='blocked', message=blocked[1])
+    made = run(stepper, first, plan, progress)
     estimate = partial(error_of, stepper, begun, replace(plan, steps=tuple(made.steps)),
                        [instant.place for instant in made.reached],
                        [instant.positions for instant in made.reached], made.samples)
@@ -365,6 +362,7 @@ def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
 def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: Progress) -> Run:
     """Return the Run that begins with the TimePoint `first`."""
     control, reached = _StepControl(stepper, first, plan), [first]
+    blocked, why = _blocked(stepper, plan.instants)
     while len(reached) < plan.instants:
         batch = control.advance(progress)
         progress.check()
@@ -372,13 +370,17 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
             reached.append(instant)
             progress.done(len(reached), plan.instants)
         after = batch.refused
-        if control.stuck and after is not None:
-            status = 'energy' if after.row.converged else 'unsolved'
+        if after is None:
+            continue
+        led_in = after.place >= blocked and control.level >= _CLOSE
+        if control.stuck or led_in:
+            status = ('blocked' if led_in else 'energy' if after.row.converged else 'unsolved')
             end = replace(after, given=replace(after.shape, converged=False))
             if status == 'energy':  # what has made energy is no instant of this DLO
                 end = control.now
             return control.run(reached if end.place == reached[-1].place else [*reached, end],
-                               status, _reason(status, stepper, control.now, after.place))
+                               status, why if led_in else _reason(status, stepper, control.now,
+                                                                  after.place))
     return control.run(reached)
 
 
@@ -406,6 +408,11 @@ class _StepControl:
         # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
         self._noise = KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
                               + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
+
+    @property
+    def level(self) -> int:
+        """How often the next step is to be halved."""
+        return self._level
 
     def run(self, reached: list[TimePoint], status: str = 'complete', message: str = '') -> Run:
         """Return the Run so far."""
@@ -492,25 +499,31 @@ def _reason(status: str, stepper: Stepper, now: TimePoint, place: float) -> str:
             f'{len(shape.contacts)} contacts')
 
 
-def _blocked(stepper: Stepper, instants: int) -> tuple[float, str] | None:
-    """Return where a grip is first led into an obstacle (of `_LOOKS` places a step), and it in words.
+def _blocked(stepper: Stepper, instants: int) -> tuple[float, str]:
+    """Return where a grip is first led into an obstacle, infinity if it is not, and it in words.
 
     There a DLO that is clamped has no shape outside of obstacles (see `Solution.inside`).
     """
     mesh, grips = stepper.discretization, stepper.grips
     if not mesh.surroundings.obstacles:
-        return None
+        return np.inf, ''
     places, deep = np.arange((instants - 1) * _LOOKS + 1) / _LOOKS, KEPT * mesh.s[-1]
     held = [('gripper', grips.gripper)]
     if grips.far_end is not None and grips.grip != 'sleeve':
         held.append(('far end', grips.far_end))
-    first = None
+    first = np.inf, ''
     for what, grip in held:
         depths = np.array([penetration_of_point(mesh.scene, place)
                            for place in grip.along(places)[1]])
         inside = np.flatnonzero(depths > deep)
-        if inside.size and (first is None or places[inside[0]] < first[0]):
-            at = float(places[inside[0]])
+        if inside.size and places[inside[0]] < first[0]:
+            before, at = places[max(inside[0] - 1, 0)], float(places[inside[0]])
+            while at - before > 1 / (1 << HALVINGS):
+                middle = 0.5 * (before + at)
+                if penetration_of_point(mesh.scene, np.array(grip.at(middle).position)) > deep:
+                    at = middle
+                else:
+                    before = middle
             first = at, (f'from {at * stepper.dt:.6g} s on the motion leads the {what} into an '
                          f'obstacle, until the end by up to {depths.max():.3g} m: no shape of the '
                          'DLO can follow')

@@ -54,8 +54,7 @@ class Motion(Filmed):
     ----------
     times : ndarray, shape (n,)
         Times in s; of a motion that ended early, the last one is where it could not go on: where
-        the step that could not be solved ends, or the last instant before one that gained energy
-        or before a grip is in an obstacle.
+        the step that could not be solved ends, or the last instant before one that gained energy.
     shapes : tuple of Shape
         The n shapes; residual and stability are those of the step's minimization, gripper_wrench
         includes inertia and damping, error_estimate is infinite (not known).
