@@ -218,7 +218,8 @@ class InverseSimulator(Value):
         """Plan the motion from the gripper's present pose to where a threading begins.
 
         The gripper backs off along the normal, turns where the DLO cannot reach the sheet (by way
-        of another direction where the DLO would fall), and comes straight to where the free end is `standoff` before the hole, aligned, and then in it.
+        of another direction where the DLO would fall), and comes straight to where the free end is
+        `standoff` before the hole, aligned, and then in it.
 
         Parameters
         ----------

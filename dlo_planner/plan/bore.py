@@ -35,7 +35,7 @@ _GRADED = 1.5       # power of the places of nodes: they are closest at the mout
 _BAND = 7           # nodes have four unknowns, and act on those of their neighbors
 # Walls push back as they did in the search before, and by how much they give way (Hestenes, Powell
 # 1969). In the search they are soft, a part of the beam's largest stiffness: along stiff walls what
-# bears would go on by one node in a step. They are made stiffer where that brings nodes back slowly.
+# bears would go on by one node in a step. They are made stiffer where nodes come back slowly.
 _SOFT, _SLOW, _STIFFER = 1e-6, 0.3, 10.0
 _WALL = 1e-5        # of the room: how far nodes may be off their places
 _WALLS, _HALVINGS = 40, 30  # searches, halvings of a step
