@@ -99,6 +99,7 @@ def answers() -> None:
         free.approach(holes[0], free.thread(holes[0], depths=[0.0, 0.1]),
                       Pose((-1.5, 0, 0), (0, 0, 0, 1)), standoff=0.1)
         free.thread_two(*holes, depths=[0.0, 0.3])
+        free.insert(holes[0], depths=[0.0, 0.1], friction=0.1)
         lying = DirectSimulator(rod, basis=basis, n_elements=16, n_terms=4, obstacles=[floor])
         lying.solve(level, lying.solve(level))
     yielding = Rod(1.0, 0.01, 1.0, 1.0, yield_curvature=0.01, hardening=0.5)

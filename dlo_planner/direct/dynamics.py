@@ -38,6 +38,7 @@ from dlo_planner.direct.stepper import (
     Stepper,
     TimePoint,
 )
+from dlo_planner.energy.gap import penetration_of_point
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.so3 import turn_between
@@ -45,7 +46,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, number, returned, vector
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import FarEnd, Surroundings
-from dlo_planner.progress import Progress
+from dlo_planner.progress import Progress, interrupted_by
 
 # At time 0: of the nodes, or a callable of s
 Velocity: TypeAlias = ArrayLike | Callable[[float], ArrayLike]
@@ -182,13 +183,54 @@ class InitialConditions(NamedTuple):
 
 
 def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
-             ends: list[float], positions: list[Floats], samples: Floats | None) -> Floats:
+             ends: list[float], positions: list[Floats], samples: Floats | None,
+             most: float = np.inf) -> Floats:
     """Return (n,) how far, in m, nodes are from the true ones at most until each instant.
 
     Looked at are all nodes at the instants (their places, and `positions` there) and some of them
     after each step (`samples`, see `StepBatch`). What halving everything changes is three quarters
-    of a second-order error, half of a first-order one (Richardson's extrapolation).
+    of a second-order error, half of a first-order one (Richardson's extrapolation). The rest is nan
+    after `most` times that kernels have asked whether they are to end, which is work, not time.
     """
+    found = np.full(len(ends), np.inf)
+    try:
+        obstructed = bool(stepper.discretization.surroundings.obstacles)
+        with interrupted_by(_Allowance(most / (_DEAR if obstructed else 1.0))):
+            _compare(stepper, begun, plan, ends, positions, samples, found)
+    except _UsedUp:
+        found[np.isinf(found)] = np.nan
+    coarse = stepper.discretization
+    rounding = 1e-15 * coarse.s.size * coarse.s[-1]
+    second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
+    errors: Floats = (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding
+    return errors
+
+
+# times as long it takes on average, among obstacles, until a kernel or a call of one asks
+_DEAR = 4.0
+
+
+class _UsedUp(Exception):
+    """An allowance of work is used up."""
+
+
+class _Allowance:
+    """A check of `interrupted_by` that raises _UsedUp when it is asked more than `most` times."""
+
+    def __init__(self, most: float) -> None:
+        self._left, self._outer = most, Progress()
+
+    def __call__(self) -> None:
+        self._outer.check()
+        self._left -= 1
+        if self._left < 0:
+            raise _UsedUp
+
+
+def _compare(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
+             ends: list[float], positions: list[Floats], samples: Floats | None,
+             found: Floats) -> None:
+    """Fill the largest distances `found` (n,) from the finer motion, m, as far as that goes."""
     coarse = stepper.discretization
     mesh = coarse.finer
     finer = Stepper(mesh, stepper.grips, stepper.dt, watched=2 * stepper.watched)
@@ -196,7 +238,6 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
     now = finer.begin(finer_start(mesh, begun), velocity)
-    found = np.full(len(ends), np.inf)
     found[0] = worst = _apart(now.positions[::2], positions[0])
     made = at = 0  # steps, and time in the shortest ones
     for level, steps in groupby(plan.steps):
@@ -210,7 +251,7 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
             if batch.refused is not None and not batch.errors.size:
                 batch = _in_parts(finer, now, float(places[0]), scheme)
             if not batch.errors.size:
-                return _estimate(coarse, plan, found)
+                return
             count = len(batch.errors)
             even = np.arange(1 - made % 2, count, 2)  # two of these are one of the others
             if samples is not None and even.size:
@@ -221,7 +262,6 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
             now, made, at, left = batch.last, made + count, at + size * count, left - count
     if now.place == ends[-1]:  # of one that ended early, between two instants
         found[-1] = max(worst, _apart(now.positions[::2], positions[-1]))
-    return _estimate(coarse, plan, found)
 
 
 def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) -> StepBatch:
@@ -243,14 +283,6 @@ def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) ->
             last = stepper.resized(last, scheme.dt)
             return batch._replace(kept=[last] if place == round(place) else [], last=last)
     return batch._replace(errors=np.zeros(0))
-
-
-def _estimate(coarse: Discretization, plan: IntegrationOptions, found: Floats) -> Floats:
-    """Return the errors (n,) that differences `found` (n,) from a finer motion tell, m."""
-    rounding = 1e-15 * coarse.s.size * coarse.s[-1]
-    second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
-    errors: Floats = (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding
-    return errors
 
 
 def _apart(one: Floats, other: Floats) -> float:
@@ -289,6 +321,8 @@ def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:
     return mesh.strains_from(fine.s, fine.element_strains)
 
 
+_LOOKS = 4           # places between two instants where the grips are looked at
+_CLOSE = 3           # halvings of a step that leads a grip into an obstacle, until it is the end
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
 _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
@@ -328,6 +362,7 @@ def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
 def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: Progress) -> Run:
     """Return the Run that begins with the TimePoint `first`."""
     control, reached = _StepControl(stepper, first, plan), [first]
+    blocked, why = _blocked(stepper, plan.instants)
     while len(reached) < plan.instants:
         batch = control.advance(progress)
         progress.check()
@@ -335,13 +370,17 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
             reached.append(instant)
             progress.done(len(reached), plan.instants)
         after = batch.refused
-        if control.stuck and after is not None:
-            status = 'energy' if after.row.converged else 'unsolved'
+        if after is None:
+            continue
+        led_in = after.place >= blocked and control.level >= _CLOSE
+        if control.stuck or led_in:
+            status = ('blocked' if led_in else 'energy' if after.row.converged else 'unsolved')
             end = replace(after, given=replace(after.shape, converged=False))
             if status == 'energy':  # what has made energy is no instant of this DLO
                 end = control.now
             return control.run(reached if end.place == reached[-1].place else [*reached, end],
-                               status, _reason(status, stepper, control.now, after.place))
+                               status, why if led_in else _reason(status, stepper, control.now,
+                                                                  after.place))
     passed = next((instant for instant in reached if instant.passed), None)
     if passed is not None:
         return control.run(reached, 'self-passage', 'the DLO passes through itself before '
@@ -374,6 +413,11 @@ class _StepControl:
         # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
         self._noise = KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
                               + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
+
+    @property
+    def level(self) -> int:
+        """How often the next step is to be halved."""
+        return self._level
 
     def run(self, reached: list[TimePoint], status: str = 'complete', message: str = '') -> Run:
         """Return the Run so far."""
@@ -460,8 +504,39 @@ def _reason(status: str, stepper: Stepper, now: TimePoint, place: float) -> str:
             f'{len(shape.contacts)} contacts')
 
 
+def _blocked(stepper: Stepper, instants: int) -> tuple[float, str]:
+    """Return where a grip is first led into an obstacle, infinity if it is not, and it in words.
+
+    There a DLO that is clamped has no shape outside of obstacles (see `Solution.inside`).
+    """
+    mesh, grips = stepper.discretization, stepper.grips
+    if not mesh.surroundings.obstacles:
+        return np.inf, ''
+    places, deep = np.arange((instants - 1) * _LOOKS + 1) / _LOOKS, KEPT * mesh.s[-1]
+    held = [('gripper', grips.gripper)]
+    if grips.far_end is not None and grips.grip != 'sleeve':
+        held.append(('far end', grips.far_end))
+    first = np.inf, ''
+    for what, grip in held:
+        depths = np.array([penetration_of_point(mesh.scene, place)
+                           for place in grip.along(places)[1]])
+        inside = np.flatnonzero(depths > deep)
+        if inside.size and places[inside[0]] < first[0]:
+            before, at = places[max(inside[0] - 1, 0)], float(places[inside[0]])
+            while at - before > 1 / (1 << HALVINGS):
+                middle = 0.5 * (before + at)
+                if penetration_of_point(mesh.scene, np.array(grip.at(middle).position)) > deep:
+                    at = middle
+                else:
+                    before = middle
+            first = at, (f'from {at * stepper.dt:.6g} s on the motion leads the {what} into an '
+                         f'obstacle, until the end by up to {depths.max():.3g} m: no shape of the '
+                         'DLO can follow')
+    return first
+
+
 def _motion(stepper: Stepper, made: Run, tolerance: float,
-            estimate: Callable[[], Floats] | None) -> Motion:
+            estimate: Callable[[float], Floats] | None) -> Motion:
     reached, message = made.reached, made.message
     places = np.array([instant.place for instant in reached])
     if made.status == 'complete' and made.local > tolerance:

@@ -17,9 +17,14 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, estimate, figure, items, results, shown
 from dlo_planner.model.value import Constant, brief, freeze, put
 from dlo_planner.pictured import Filmed
+from dlo_planner.progress import OnProgress, Progress, interrupted_by
 
-STATUSES = ('complete', 'unsolved', 'energy', 'self-passage')
+STATUSES = ('complete', 'unsolved', 'energy', 'blocked', 'self-passage')
 _ARRAYS = ('times', 'velocities', 'kinetic_energy', 'potential_energy', 'work', 'losses')
+# How often it may be asked whether to end while `error_estimate` is computed: kernels do so after
+# the same work on every machine, about each 10 ms, and what calls them where they have ended, about
+# each millisecond of a DLO that hangs freely.
+_AT_ONCE = 600
 _FIGURES = ('tolerance', 'status', 'message')
 
 
@@ -67,8 +72,10 @@ class Motion(Filmed):
         The tolerance that was asked for, m.
     status : str
         'complete'; 'unsolved': a step could not be solved; 'energy': a step gained energy, however
-        short it was made; 'self-passage': the motion has come to its end, but on the way the DLO
-        passed through itself (the shapes from there on say so).
+        short it was made; 'blocked': the gripper, or what holds the far end, is led into an
+        obstacle, with the axis of the DLO, so that no shape can follow; 'self-passage': the motion
+        has come to its end, but on the way the DLO passed through itself (the shapes from there on
+        say so).
     message : str
         Why the motion is not complete, and when; else ''.
     """
@@ -83,7 +90,8 @@ class Motion(Filmed):
     tolerance: float = np.inf
     status: str = 'complete'
     message: str = ''
-    _estimate: Callable[[], Floats] | None = field(default=None, compare=False)
+    # of the work that it may take at most
+    _estimate: Callable[[float], Floats] | None = field(default=None, compare=False)
 
     _REMEMBERED = ('error_estimate',)
 
@@ -198,19 +206,50 @@ class Motion(Filmed):
     def error_estimate(self) -> Floats:
         """(n,) largest distance of a node from the true rod's until each instant, m.
 
-        From a second run with every element and every step halved, made when this is first read:
-        it costs two to four times as much as the motion. A motion that begins at rest does so
-        there, too: the error of a given Shape at rest is part of it. Infinite where that run could
-        not follow; nan for a motion that does not know (from a file, saved before it was read).
+        From a second run with every element and every step halved, made when this is first read,
+        of about a second at most: what comes after that is nan, and `estimate_error` looks at it.
+        A motion that begins at rest does so there, too: the error of a given Shape at rest is part
+        of it. Infinite where that run could not follow; nan also for a motion that does not know
+        (from a file, saved before it was read).
         """
+        return self._estimated(_AT_ONCE)
+
+    def estimate_error(self, *, progress: OnProgress = None,
+                       deadline: float | None = None) -> Floats:
+        """Return the whole `error_estimate` (n,), m, however long it takes, and remember it.
+
+        It costs two to four times as much as the motion, more where that failed.
+
+        Parameters
+        ----------
+        progress : callable, optional
+            Called as progress(1, 1) when it is found.
+        deadline : float, optional
+            Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
+
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
+        DeadlineExceeded
+            The deadline is over; `error_estimate` is what it was.
+        """
+        steps = Progress(progress, deadline)
+        with interrupted_by(steps.check):
+            found = self._estimated(np.inf)
+        self.__dict__['error_estimate'] = found
+        steps.done(1, 1)
+        return found
+
+    def _estimated(self, most: float) -> Floats:
         assert self._estimate is not None  # see __post_init__
-        found = self._estimate()
+        found = self._estimate(most)
         freeze(found)
         return found
 
     @property
     def within_tolerance(self) -> bool:
-        """Whether the error estimate is; as expensive as that when first read."""
+        """Whether the error estimate is, all of it; as expensive as that when first read."""
         return bool(self.converged and np.all(self.error_estimate <= self.tolerance))
 
     @property

@@ -513,6 +513,27 @@ class TwoPoints(Family):
         a, b = crossed.pairs.T
         return crossed, shapes.s[-1] - ((1 - crossed.shares) * s1[a] + crossed.shares * s1[b])
 
+    def nearest(self, shapes: HangingShapes, depth: float, most: int) -> Floats:
+        """Return the frames (k, 3, 3) of the free ends of the stable shapes that miss least.
+
+        That are `most` of them at most, turned about the vertical so that the second center is in
+        their direction.
+        """
+        begin, _ = shapes.at(self.simulator.rod.length - depth)
+        chords = shapes.positions - begin[:, None]
+        sizes = np.linalg.norm(chords, axis=2)
+        sizes[:, shapes.s <= self.simulator.rod.length - depth] = 0.0
+        nodes = np.abs(sizes - self._apart).argmin(axis=1)
+        chords = chords[np.arange(len(nodes)), nodes]
+        up = shapes.up
+        height, wanted = chords @ up, float(self.chord @ up)
+        aside, across = chords - height[:, None] * up, self.chord - wanted * up
+        off = np.hypot(np.linalg.norm(aside, axis=1) - np.linalg.norm(across), height - wanted)
+        best = np.argsort(np.where(shapes.stability > 0, off, np.inf))[:most]
+        angles = np.arctan2(np.cross(aside[best], across) @ up, aside[best] @ across)
+        return np.array([turned_by(angle * up) @ shapes.frames[k, -1]
+                         for k, angle in zip(best, angles, strict=True)])
+
     def least_miss(self, shapes: HangingShapes) -> float:
         """Return the least distance (m) of a free end from the second center, through the first."""
         stable = shapes.stability > 0

@@ -217,8 +217,9 @@ class InverseSimulator(Value):
                  deadline: float | None = None) -> Plan:
         """Plan the motion from the gripper's present pose to where a threading begins.
 
-        The gripper backs off along the normal, turns where the DLO cannot reach the sheet, and
-        comes straight to where the free end is `standoff` before the hole, aligned, and then in it.
+        The gripper backs off along the normal, turns where the DLO cannot reach the sheet (by way
+        of another direction where the DLO would fall), and comes straight to where the free end is
+        `standoff` before the hole, aligned, and then in it.
 
         Parameters
         ----------
@@ -266,7 +267,8 @@ class InverseSimulator(Value):
         """Plan the threading through two cut-outs, whose centers count (paper, section 5.2).
 
         From where the free end reaches the second center, both are hit at once; before, the first
-        one is passed along the direction that it then has, so that the path is continuous.
+        one is passed along the direction that it then has, so that the path is continuous. A plan
+        whose first depth is beyond that may begin in any shape that passes both.
 
         Parameters
         ----------

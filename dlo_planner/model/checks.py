@@ -303,14 +303,14 @@ def figure(name: str, value: object) -> float:
     raise InvalidTask(f'{name} = {shown(value)}: expected a number, infinity or nan')
 
 
-def estimate(name: str, function: Any, n: int) -> Callable[[], Floats]:
+def estimate(name: str, function: Any, n: int) -> Callable[..., Floats]:
     """Return a function that says n errors when they are asked for, nan if it is None; or raise."""
     function = Constant(np.full(n, np.nan)) if function is None else function
     if not callable(function):
         raise InvalidTask(f'{name} = {shown(function)}: expected a function')
     if isinstance(function, Constant):
         freeze(function.content)
-    result: Callable[[], Floats] = function
+    result: Callable[..., Floats] = function
     return result
 
 

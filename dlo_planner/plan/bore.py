@@ -5,37 +5,60 @@
 The part inside is a beam that bends little, in a round bore with some room: it lies on the walls
 where its weight, its natural bend, or the part outside presses it there. The part outside is
 planned as if it ended free of force at the mouth; it yields to the mouth by its compliance. Where
-the walls press they rub, so that what is before is pushed: this compression bends the beam and the
-part outside more (a fixed point). Not counted are the compression and the weight in the compliance
-of the part outside, edges that bite, and torsion.
+the walls press they rub, and what is before is pushed: this compression bends the beam and the part
+outside, which may take it off the walls or press it against them. So the force is sought as a
+gripper finds it, pushing harder and harder until the push exceeds what rubs. There may be no such
+push: the DLO jams. Not counted are the compression and the weight in the compliance of the part
+outside, edges that bite, and torsion.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from dlo_planner.blas import one_thread
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.geometry.record import Record
+from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.rod import Surface
+from dlo_planner.plan.plan import FOUND, JAMS, NO_BALANCE, NOT_LOOKED_AT
 
 _OUTSIDE = 1e-6     # of the length: nothing is inside yet
 _ELEMENTS = 32
 _GRADED = 1.5       # power of the places of nodes: they are closest at the mouth
-# Nodes would go to and fro between the sides of a stiff wall: walls begin soft, a part of the
-# beam's largest stiffness, and are made stiffer from balance to balance. A beam that is much bent
-# enters them far, and comes back by one room in a step.
-_SOFT = 1e-6
-_WALL = 1e-5        # of the room: how far walls give way
-_STIFFER = 10.0     # times: walls that give way more are made so
-_WALLS, _STEPS = 18, 600  # of such walls, of Newton steps
-_SAME = 1e-9        # of the energy's slope
-_ROUNDS, _CLOSE = 60, 1e-3  # of the fixed point; relative
+_BAND = 7           # nodes have four unknowns, and act on those of their neighbors
+# Walls push back as they did in the search before, and by how much they give way (Hestenes, Powell
+# 1969). In the search they are soft, a part of the beam's largest stiffness: along stiff walls what
+# bears would go on by one node in a step. They are made stiffer where nodes come back slowly.
+_SOFT, _SLOW, _STIFFER = 1e-6, 0.3, 10.0
+_WALL = 1e-5        # of the room: how far nodes may be off their places
+_WALLS, _HALVINGS = 40, 30  # searches, halvings of a step
+_STEPS = 400        # of Newton's method: where the beam buckles it goes far
+_SAME = 1e-9        # of the room and what walls give way: a Newton step that is none
+_DESCENT, _NOISE = 1e-4, 1e-13  # of what a step promises; of the energy: its rounding errors
+_CALM = 2           # steps that promise no more than these: it is the minimum
+_ROUNDS, _CLOSE = 60, 1e-4  # of the compression inside; relative
 _BOLD = 10          # rounds of it without damping
+_ENDLESS = 1e6      # of what rubs without a push: a compression inside that grows so far has no end
+_FIRST, _FASTER = 0.1, 1.4  # of what rubs without a push; times: steps in which the push grows
+# Of what rubs without a push: what rubs grows at last in proportion to the push (by the part
+# outside) or faster (where the beam buckles in the bore). From the first on it jams if the push
+# falls behind from step to step, from the second on in any case.
+_MORE, _MOST = 4.0, 100.0
+_EXACT = 1e-3       # relative, of the force
+
+
+class Push(NamedTuple):
+    """The force (N) that pushes a DLO into a bore, and its status, as a Plan has them."""
+
+    force: float
+    status: str
 
 
 class Inside(NamedTuple):
@@ -53,42 +76,52 @@ class Inside(NamedTuple):
 
 
 def insertion_force(simulator: DirectSimulator, bore: CutOut, friction: float | None,
-                    depth: float, outside: Shape) -> float:
-    """Return the force in N that pushes a DLO on into a bore; below 0: it falls in by itself.
+                    depth: float, outside: Shape) -> Push:
+    """Return the Push of a DLO on into a bore; below 0: it falls in by itself.
 
-    nan where the bore's radius or friction is not stated, the DLO does not go into it, its section
-    or load is not a plain one, or no balance is found (it may jam).
+    Not looked at where the bore's radius or friction is not stated, the DLO does not go into it, or
+    its section or load is not a plain one.
     """
     rod, load = simulator.rod, simulator.surroundings.load
     if friction is None or bore.radius is None or callable(load) or (
             Surface.of(rod).half is not None):
-        return np.nan
+        return Push(np.nan, NOT_LOOKED_AT)
     if depth <= _OUTSIDE * rod.length:
-        return 0.0
+        return Push(0.0, FOUND)
     mouth = rod.length - depth
     inside = _inside(simulator, mouth, outside)
     places = mouth + np.append(0.0, np.cumsum(inside.lengths))
     room = bore.radius - rod.radii(np.minimum(places, rod.length))
-    return np.nan if room.min() <= 0 else pushing(inside, room, friction)
+    return Push(np.nan, NOT_LOOKED_AT) if room.min() <= 0 else pushing(inside, room, friction)
 
 
-@one_thread()
-def pushing(inside: Inside, room: Floats, friction: float) -> float:
-    """Return the force in N at the mouth that pushes a beam on; nan if no balance is found.
+def pushing(inside: Inside, room: Floats, friction: float) -> Push:
+    """Return the Push of a beam: the least that exceeds what rubs, as it grows from zero.
 
     Shapes: room (N + 1,).
     """
-    force, beam = np.zeros(room.size), _Beam(inside, room)
-    for k in range(_ROUNDS):
-        wall = beam.walls(force)
-        if wall is None:
-            return np.nan
-        # from the tip to the mouth: each node takes what it rubs, and its load along the bore
-        now = np.cumsum((friction * wall - inside.load[:, 0])[::-1])[::-1]
-        if abs(now[0] - force[0]) <= _CLOSE * np.abs(now).max():
-            return float(now[0])
-        force = force + (1.0 if k < _BOLD else 0.5) * (now - force)
-    return np.nan
+    beam, state = beam_of(inside, room), np.zeros(4 * room.size)
+    compression, press, wall = np.zeros(room.size), np.zeros((room.size, 2)), np.zeros(1)
+
+    def lacks(push: float) -> float:
+        return rubbed(beam, friction, push, state, compression, press, wall) - push
+
+    at_rest = lacks(0.0)
+    if at_rest == 0.0 or np.isnan(at_rest):
+        return Push(at_rest, NO_BALANCE if np.isnan(at_rest) else FOUND)
+    size = abs(at_rest) if np.isfinite(at_rest) else float(np.abs(inside.load).sum())
+    sign, push, lack, step = np.sign(at_rest), 0.0, at_rest, _FIRST * size
+    while abs(push) <= _MOST * size:
+        before, last = push, lack
+        push, step = push + sign * step, _FASTER * step
+        lack = lacks(push)
+        if np.isnan(lack):
+            return Push(np.nan, NO_BALANCE)
+        if sign * lack <= 0:
+            return _between(lacks, before, last, push, lack, _EXACT * size)
+        if abs(push) > _MORE * size and not sign * lack < sign * last:
+            break
+    return Push(np.nan, JAMS)
 
 
 def _inside(simulator: DirectSimulator, mouth: float, outside: Shape) -> Inside:
@@ -127,82 +160,265 @@ def _compliance(outside: Shape) -> Floats:
     Of the elements' strains: each turns what lies beyond it.
     """
     assert outside.rod is not None
-    frame, s = outside.frames[-1], 0.5 * (outside.s[1:] + outside.s[:-1])
-    total = np.zeros((5, 5))
-    for place, length, stiffness in zip(s, np.diff(outside.s), outside.rod.stiffnesses(s),
-                                        strict=True):
-        axes, position = outside.frame_at(place)
-        arm = outside.positions[-1] - position
-        # a turn w of this element: the end moves by w x arm, its tangent t turns by w x t
-        answers = np.array([np.cross(arm, frame[:, 1]), np.cross(arm, frame[:, 2]),
-                            frame[:, 2], -frame[:, 1], np.cross(arm, frame[:, 0])]) @ axes
-        total += length * answers @ np.diag(1 / stiffness) @ answers.T
+    end, lengths = outside.frames[-1], np.diff(outside.s)
+    s = outside.s[:-1] + 0.5 * lengths
+    axes = outside.frames[:-1] @ Rotation.from_rotvec(
+        0.5 * lengths[:, None] * outside.element_strains).as_matrix()
+    arms = outside.positions[-1] - outside.positions_at(s)
+    # a turn w of an element: the end moves by w x arm, its tangent t turns by w x t
+    answers = np.empty((s.size, 5, 3))
+    for row, axis in ((0, end[:, 1]), (1, end[:, 2]), (4, end[:, 0])):
+        answers[:, row] = np.cross(arms, axis)
+    answers[:, 2:4] = end[:, 2], -end[:, 1]
+    answers = answers @ axes
+    parts: Floats = lengths[:, None] / outside.rod.stiffnesses(s)
+    result: Floats = np.einsum('kia,ka,kja->ij', answers, parts, answers)
+    return result
+
+
+class Beam(Record):
+    """A beam of N elements in a bore; of each node deflections and slopes are unknown."""
+
+    elastic: Floats  # (N, 8, 8) of (y, z, y', z') of both ends: stiffness,
+    turn: Floats     # (N, 8, 8) and what a compression of 1 N takes from it
+    slope: Floats    # (N + 1, 4) of the energy, at rest
+    mouth: Floats    # (4, 4) stiffness of the part outside
+    aside: Floats    # (4,) force and moment by which it presses there per N of push
+    along: Floats    # (N + 1,) load along the bore, N
+    room: Floats     # (N + 1,) m
+
+
+def beam_of(inside: Inside, room: Floats) -> Beam:
+    """Return the Beam of a part Inside; room: (N + 1,) m."""
+    count = inside.lengths.size
+    bend, turn = _hermite(inside.lengths)
+    slope = np.zeros((count + 1, 4))
+    moment = np.einsum('kij,kj->ki', inside.stiffness, inside.natural)
+    slope[:-1, 2:] += moment  # ends turn by the natural bend
+    slope[1:, 2:] -= moment
+    slope[:, :2] -= inside.load[:, 1:]
+    whole = (count, 8, 8)
+    return Beam(np.einsum('kab,kij->kaibj', bend, inside.stiffness).reshape(whole),
+                np.einsum('kab,ij->kaibj', turn, np.eye(2)).reshape(whole), slope,
+                np.array(inside.mouth), inside.mouth @ inside.pushed,
+                np.array(inside.load[:, 0]), np.array(room))
+
+
+def _between(lacks: Callable[[float], float], low: float, low_lack: float, high: float,
+             high_lack: float, exact: float) -> Push:
+    """Return the Push between two, of which one is too weak, by false position (Illinois)."""
+    for _ in range(_ROUNDS):
+        share = 0.5 if np.isinf(low_lack) else low_lack / (low_lack - high_lack)
+        push = low + share * (high - low)
+        lack = lacks(push)
+        if abs(lack) <= exact:
+            return Push(push, FOUND)
+        if np.isnan(lack):
+            break
+        if np.sign(lack) == np.sign(low_lack):
+            low, low_lack, high_lack = push, lack, 0.5 * high_lack
+        else:
+            high, high_lack, low_lack = push, lack, 0.5 * low_lack
+    return Push(np.nan, NO_BALANCE)
+
+
+@kernel
+def rubbed(beam: Beam, friction: float, push: float, state: Floats, compression: Floats,
+           press: Floats, wall: Floats) -> float:
+    """Return what a beam under a push (N) at the mouth rubs, less its load along the bore, N.
+
+    Infinite where the compression inside has no end, nan where no balance is found. `state`
+    (4 N + 4,), `compression` (N + 1,), forces of the walls `press` (N + 1, 2) and their stiffness
+    in the search (1,) begin it, and are renewed.
+    """
+    deep, along = np.zeros(beam.room.size), beam.along
+    least = np.inf  # the total of the first round
+    for k in range(_ROUNDS):
+        compression[0] = push
+        if not _pressed(beam, compression, state, press, wall, deep):
+            return np.nan
+        # from the tip to the mouth: each node takes what it rubs, and its load along the bore
+        total, change, most = 0.0, 0.0, 0.0
+        for node in range(along.size - 1, -1, -1):
+            total += friction * wall[0] * deep[node] - along[node]
+            if node > 0:
+                change = max(change, abs(total - compression[node]))
+                compression[node] += (1.0 if k < _BOLD else 0.5) * (total - compression[node])
+            most = max(most, abs(total))
+        if change <= _CLOSE * most:
+            return total
+        least = min(least, most)
+        if most > _ENDLESS * least:
+            compression[:] = 0.0
+            state[:], press[:], wall[:] = 0.0, 0.0, 0.0
+            return np.inf
+    return np.nan
+
+
+@kernel
+def _pressed(beam, compression, state, press, wall, deep):
+    """Bring a beam into balance in its bore by augmented Lagrangians; fill the forces `press`."""
+    most, last, place = _WALL * np.max(beam.room), np.inf, np.empty(2)
+    if wall[0] == 0.0:
+        for e in range(beam.elastic.shape[0]):
+            for i in range(8):
+                wall[0] = max(wall[0], _SOFT * beam.elastic[e, i, i])
+    for _ in range(_WALLS):
+        if not _balanced(beam, compression, state, press, wall[0], deep):
+            return False
+        missed = 0.0
+        for k in range(beam.room.size):
+            away = _beyond(state, press, wall[0], k, place)
+            for i in range(2):
+                force = wall[0] * deep[k] * place[i] / away if deep[k] > 0.0 else 0.0
+                missed = max(missed, abs(force - press[k, i]) / wall[0])
+                press[k, i] = force
+        if missed <= most:
+            return True
+        if missed > _SLOW * last:
+            wall[0] *= _STIFFER
+        last = missed
+    return False
+
+
+@kernel
+def _beyond(u, press, wall, k, place):
+    """Fill the `place` (2,) where a node would be if its walls gave way; return how far it is."""
+    for i in range(2):
+        place[i] = u[4 * k + i] + press[k, i] / wall
+    return np.hypot(place[0], place[1])
+
+
+@kernel
+def _balanced(beam, compression, u, press, wall, deep):
+    """Minimize the energy by Newton's method, downhill; return whether it is found."""
+    n, room = u.size, np.max(beam.room)
+    band, gradient, trial = np.empty((n, _BAND + 1)), np.empty(n), np.empty(n)
+    energy, calm = _energy(beam, compression, u, press, wall, gradient, deep), 0
+    for _ in range(_STEPS):
+        shift = 0.0
+        _hessian(beam, compression, u, press, wall, band)
+        stiffest = np.max(band[:, 0])
+        while not _factorized(band):  # the beam buckles: downhill all the same
+            shift = max(10.0 * shift, 1e-12 * stiffest)
+            if shift > stiffest:
+                return False
+            _hessian(beam, compression, u, press, wall, band)
+            for i in range(n):
+                band[i, 0] += shift
+        step = -gradient
+        _solve(band, step)
+        slope, longest = 0.0, 0.0
+        for i in range(n):
+            slope += gradient[i] * step[i]
+            if i % 4 < 2:
+                longest = max(longest, abs(step[i]))
+        least = _SAME * (room + np.max(deep))
+        part = 1.0
+        for _ in range(_HALVINGS):
+            for i in range(n):
+                trial[i] = u[i] + part * step[i]
+            after = _energy(beam, compression, trial, press, wall, gradient, deep)
+            if after <= energy + _DESCENT * part * slope + _NOISE * abs(energy):
+                break
+            part *= 0.5
+        u[:] = trial
+        energy = after
+        calm = calm + 1 if -slope <= _NOISE * abs(energy) else 0
+        if longest <= least or calm == _CALM:
+            return True
+    return False
+
+
+@kernel
+def _energy(beam, compression, u, press, wall, gradient, deep):
+    """Return the energy in J of deflections and slopes u (4 N + 4,); fill its gradient, `deep`."""
+    count, total = beam.room.size, 0.0
+    for k in range(count):
+        for i in range(4):
+            gradient[4 * k + i] = beam.slope[k, i]
+    for i in range(4):
+        gradient[i] -= beam.aside[i] * compression[0]
+    for i in range(u.size):
+        total += gradient[i] * u[i]
+    for i in range(4):
+        for j in range(4):
+            force = beam.mouth[i, j] * u[j]
+            total += 0.5 * u[i] * force
+            gradient[i] += force
+    for e in range(count - 1):
+        for i in range(8):
+            force = 0.0
+            for j in range(8):
+                force += (beam.elastic[e, i, j] - compression[e + 1] * beam.turn[e, i, j]
+                          ) * u[4 * e + j]
+            gradient[4 * e + i] += force
+            total += 0.5 * u[4 * e + i] * force
+    place = np.empty(2)
+    for k in range(count):
+        away = _beyond(u, press, wall, k, place)
+        deep[k] = max(away - beam.room[k], 0.0)
+        if deep[k] > 0.0:
+            total += 0.5 * wall * deep[k] * deep[k]
+            for i in range(2):
+                gradient[4 * k + i] += wall * deep[k] * place[i] / away
     return total
 
 
-class _Beam:
-    """A beam in a bore; of each node deflections and slopes are unknown: (y, z, y', z')."""
+@kernel
+def _hessian(beam, compression, u, press, wall, band):
+    """Fill the band (n, 8) of second derivatives: column j of row i is that by i and i - j."""
+    band[:] = 0.0
+    count = beam.room.size
+    for i in range(4):
+        for j in range(i + 1):
+            band[i, i - j] += beam.mouth[i, j]
+    for e in range(count - 1):
+        for i in range(8):
+            for j in range(i + 1):
+                band[4 * e + i, i - j] += (beam.elastic[e, i, j]
+                                           - compression[e + 1] * beam.turn[e, i, j])
+    place = np.empty(2)
+    for k in range(count):
+        away = _beyond(u, press, wall, k, place)
+        y, z = place
+        if away > beam.room[k]:
+            around = 1.0 - beam.room[k] / away  # along the wall; across it all of the stiffness
+            across = (1.0 - around) / (away * away)
+            band[4 * k, 0] += wall * (around + across * y * y)
+            band[4 * k + 1, 0] += wall * (around + across * z * z)
+            band[4 * k + 1, 1] += wall * across * y * z
 
-    def __init__(self, inside: Inside, room: Floats) -> None:
-        self._inside, self._room, count = inside, room, inside.lengths.size
-        self._deflections = np.arange(count + 1)[:, None] * 4 + [0, 1]
-        own = np.arange(count)[:, None, None, None] * 4 + np.arange(8).reshape(4, 2)[:, :, None]
-        rows = own.transpose(0, 1, 3, 2).reshape(count, 4, 2)
-        self._places = (np.repeat(rows.reshape(count, 8), 8, axis=1).ravel(),
-                        np.tile(rows.reshape(count, 8), (1, 8)).ravel())
-        bend, self._turn = _hermite(inside.lengths)
-        self._stiff = np.einsum('kab,kij->kaibj', bend, inside.stiffness).reshape(count, -1)
-        self._slope = np.zeros((count + 1, 4))
-        moment = np.einsum('kij,kj->ki', inside.stiffness, inside.natural)
-        self._slope[:-1, 2:] += moment  # ends turn by the natural bend
-        self._slope[1:, 2:] -= moment
-        self._slope[:, :2] -= inside.load[:, 1:]
-        self._u, self._wall = np.zeros(4 * count + 4), 0.0
 
-    def walls(self, force: Floats) -> Floats | None:
-        """Return the forces (N + 1,) of the walls under a push (N + 1,), N; None: not found."""
-        matrix, slope = self._pushed(force)
-        self._wall = self._wall or _SOFT * np.abs(np.diag(matrix)).max()
-        for _ in range(_WALLS):
-            deep = self._balanced(matrix, slope)
-            if deep is None or deep.max() <= _WALL * self._room.max():
-                return None if deep is None else np.array(self._wall * deep)
-            self._wall *= _STIFFER
-        return None
+@kernel
+def _factorized(band):
+    """Replace a band by its factors L D L'; return whether all of D is positive."""
+    for i in range(band.shape[0]):
+        first = max(0, i - _BAND)
+        for j in range(first, i):
+            value = band[i, i - j]
+            for k in range(max(first, j - _BAND), j):
+                value -= band[i, i - k] * band[j, j - k] * band[k, 0]
+            band[i, i - j] = value / band[j, 0]
+        for k in range(first, i):
+            band[i, 0] -= band[i, i - k] ** 2 * band[k, 0]
+        if not band[i, 0] > 0.0:
+            return False
+    return True
 
-    def _balanced(self, matrix: Floats, slope: Floats) -> Floats | None:
-        """Return how deep (N + 1,) the beam lies in its walls by Newton's method, or None."""
-        places, room, wall = self._deflections, self._room, self._wall
-        for _ in range(_STEPS):
-            at = self._u[places]
-            away = np.linalg.norm(at, axis=1)
-            deep = np.maximum(away - room, 0.0)
-            normal = at / np.maximum(away, 1e-300)[:, None]
-            gradient, hessian = matrix @ self._u + slope, matrix.copy()
-            gradient[places] += wall * deep[:, None] * normal
-            out = np.einsum('ki,kj->kij', normal, normal)
-            round_it = (deep / np.maximum(away, 1e-300))[:, None, None] * (np.eye(2) - out)
-            hessian[places[:, :, None], places[:, None, :]] += wall * (
-                (deep > 0)[:, None, None] * out + round_it)
-            try:
-                step = -np.linalg.solve(hessian, gradient)
-            except np.linalg.LinAlgError:
-                return None
-            longest = np.abs(step[places]).max()
-            self._u = self._u + min(1.0, room.max() / max(longest, 1e-300)) * step
-            if longest <= _SAME * room.max():
-                return np.array(deep)
-        return None
 
-    def _pushed(self, force: Floats) -> tuple[Floats, Floats]:
-        """Return matrix and vector of the energy without walls, pushed by a force (N + 1,)."""
-        count = force.size - 1
-        matrix, slope = np.zeros((4 * count + 4, 4 * count + 4)), self._slope.ravel().copy()
-        turn = np.einsum('k,kab,ij->kaibj', force[1:], self._turn, np.eye(2)).reshape(count, -1)
-        np.add.at(matrix, self._places, (self._stiff - turn).ravel())
-        matrix[:4, :4] += self._inside.mouth
-        slope[:4] -= self._inside.mouth @ self._inside.pushed * force[0]
-        return matrix, slope
+@kernel
+def _solve(band, b):
+    """Replace b (n,) by the solution, by the factors of `_factorized`."""
+    n = b.size
+    for i in range(n):
+        for k in range(max(0, i - _BAND), i):
+            b[i] -= band[i, i - k] * b[k]
+    for i in range(n):
+        b[i] /= band[i, 0]
+    for i in range(n - 1, -1, -1):
+        for k in range(max(0, i - _BAND), i):
+            b[k] -= band[i, i - k] * b[i]
 
 
 def _hermite(h: Floats) -> tuple[Floats, Floats]:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -32,7 +33,11 @@ Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
 
 # fields of a Plan with an entry for each waypoint
 PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times',
-                'via_points', 'clearances', 'insertion_force', 'clearance', 'yield_utilization')
+                'via_points', 'clearances', 'insertion_force', 'clearance', 'yield_utilization',
+                'insertion_status')
+# What an entry of `Plan.insertion_status` says.
+INSERTION_STATUSES = FOUND, JAMS, NO_BALANCE, NOT_LOOKED_AT = (
+    'found', 'jams', 'no balance', 'not looked at')
 _MAY_BE_LEFT_OUT = 'insertion_force', 'yield_utilization'  # nan where they are
 _SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
 _STRAIGHT = np.cos(np.deg2rad(5))
@@ -100,8 +105,7 @@ class Plan(Filmed):
         Indices of waypoints at which the gripper stops, besides sharp corners and dwells.
     insertion_force : ndarray, shape (n,)
         Force in N that pushes the DLO on into a bore; below 0 it falls in by itself. An estimate at
-        rest (`plan/bore.py`), no bound; nan where it was not looked at: the bore's radius or
-        friction is not stated, or nothing is inserted.
+        rest (`plan/bore.py`), no bound; nan where there is none, which `insertion_status` explains.
     clearance : ndarray, shape (n,)
         Smallest distance in m between the DLO's surface and all that is around it: the sheets of
         its cut-outs and the simulator's obstacles, about 0 where it touches one; infinite where
@@ -110,6 +114,11 @@ class Plan(Filmed):
         Largest strain of the DLO, as a part of what it yields at. Plans are elastic: above 1 the
         DLO would yield there and take another shape, now and later, which `replay` shows. nan where
         it was not looked at, or nothing yields.
+    insertion_status : tuple of str
+        n entries about `insertion_force`. 'found': it is known. 'jams': no push overcomes what
+        rubs, since pushing presses the DLO against the bore even more. 'no balance': the part in
+        the bore was not found in balance. 'not looked at': the bore's radius or friction is not
+        stated, the DLO does not go into it or has no round section, or nothing is inserted.
     """
 
     depths: Floats
@@ -127,12 +136,16 @@ class Plan(Filmed):
     insertion_force: Floats = ()  # type: ignore[assignment]  # an array (n,) from then on
     clearance: Floats = ()  # type: ignore[assignment]  # the same
     yield_utilization: Floats = ()  # type: ignore[assignment]  # the same
+    insertion_status: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         grippers = items('Plan.grippers', self.grippers, Pose)
         n = len(grippers)
         put(self, **{name: np.full(n, np.nan) for name in _MAY_BE_LEFT_OUT
                      if isinstance(getattr(self, name), tuple) and not getattr(self, name)})
+        if isinstance(self.insertion_status, tuple) and not self.insertion_status:
+            put(self, insertion_status=tuple(NOT_LOOKED_AT if np.isnan(force) else FOUND
+                                             for force in self.insertion_force))
         for name in PER_WAYPOINT:
             if name != 'clearance' and len(items(f'Plan.{name}', getattr(self, name), object)) != n:
                 raise InvalidTask(f'Plan.{name} = {shown(getattr(self, name))}: expected one entry '
@@ -146,6 +159,9 @@ class Plan(Filmed):
             sheets=items('Plan.sheets', self.sheets, tuple),
             fraction=number('Plan.fraction', self.fraction, minimum=0, maximum=1),
             status=instance('Plan.status', self.status, PlanStatus),
+            insertion_status=tuple(
+                choice('Plan.insertion_status', str(one), INSERTION_STATUSES)
+                for one in items('Plan.insertion_status', self.insertion_status, str)),
             stops=tuple(integer('Plan.stops', stop, minimum=0, maximum=max(n - 1, 0))
                         for stop in items('Plan.stops', self.stops, object)),
             **{name: results(f'Plan.{name}', getattr(self, name), (n,))
@@ -347,7 +363,7 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
         raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
                           f'{one.grippers[-1]!r}')
-    depths, grippers, shapes, misalignment, errors, times, via_points, clearances, *rest = (
+    depths, grippers, shapes, misalignment, errors, times, via_points, clearances, *rest, pushes = (
         [*getattr(one, name), *getattr(other, name)[1:]] for name in PER_WAYPOINT)
     end = len(one) - 1
     times[end + 1:] = one.times[-1] + other.times[1:] - other.times[0]
@@ -358,7 +374,7 @@ def concatenate(one: Plan, other: Plan) -> Plan:
                 np.array(errors), np.array(times), tuple(via_points), padded_clearances(clearances),
                 other.sheets or one.sheets,
                 min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))),
-                *map(np.array, rest))
+                *map(np.array, rest), insertion_status=tuple(pushes))
 
 
 def _turns(grippers: Sequence[Pose], length: float) -> bool:
@@ -379,6 +395,22 @@ def padded_clearances(clearances: Sequence[Sequence[Sequence[float] | Floats] | 
         if len(rooms):
             out[k, :len(rooms)] = rooms
     return out
+
+
+def greatest_push(plan: Plan) -> tuple[float, str]:
+    """Return the greatest `insertion_force` that is known (N, or nan), and where others are not.
+
+    In words, of the waypoints with the DLO in the bore; empty if all of them are known, or none.
+    """
+    held = [(force, status) for force, status, shape in zip(
+        plan.insertion_force.tolist(), plan.insertion_status, plan.shapes, strict=True)
+        if shape.far_end is not None]
+    known = [force for force, status in held if status == FOUND]
+    others = Counter(status for _, status in held if status != FOUND)
+    if not others or set(others) == {NOT_LOOKED_AT} and not known:
+        return max(known, default=np.nan), ''
+    counts = ', '.join(f'{status} at {count}' for status, count in sorted(others.items()))
+    return max(known, default=np.nan), f'{counts} of {len(held)} waypoints'
 
 
 def means_to_touch(plan: Plan) -> bool:
@@ -421,6 +453,7 @@ def plan_tree(plan: Plan) -> dict[str, Any]:
     return {**{key: getattr(plan, name) for key, name in _ARRAYS.items()},
             'grippers': np.array([pose_row(gripper) for gripper in plan.grippers]).reshape(-1, 7),
             'fraction': plan.fraction, 'status': plan.status.value,
+            'insertion_status': np.array(plan.insertion_status, dtype=str),
             'passes': np.array(passes).reshape(-1, 8),
             'sheets': json.dumps([{**_sheet(sheet), 'normal': list(normal)}
                                   for sheet, normal in plan.sheets]),
@@ -442,6 +475,7 @@ def plan_of(tree: Mapping[str, Any]) -> Plan:
                    for one in json.loads(str(tree['sheets']))],
         'via_points': [tuple(one) for one in via_points], 'fraction': float(tree['fraction']),
         'status': PlanStatus(str(tree['status'])),
+        'insertion_status': tuple(np.asarray(tree.get('insertion_status', ())).tolist()),
         'stops': tuple(int(stop) for stop in tree['stops'])})
 
 

@@ -21,7 +21,7 @@ from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.continuity import apart, passes_itself
 from dlo_planner.plan.goals import DirectionAt, PositionAt
 from dlo_planner.plan.path import GripperPath, held_after
-from dlo_planner.plan.plan import Plan, means_to_touch
+from dlo_planner.plan.plan import Plan, greatest_push, means_to_touch
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.swept import violation_between
 from dlo_planner.plan.workspace import Workspace
@@ -164,10 +164,14 @@ class _Replay:
             figures['contact_lost'] = np.nan
             if figures.get('reason') == '':
                 figures['reason'] = _NOT_STATED
-        return ValidationReport(**figures, not_looked_at=tuple(
-            name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))
-            and (name not in _OF_CONTACTS or any(shape.contacts for shape in plan.shapes))
-            and (name != 'insertion_force' or held_after(plan) is not None)))
+        left_out = [name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))
+                    and (name not in _OF_CONTACTS or any(shape.contacts for shape in plan.shapes))
+                    and (name != 'insertion_force' or held_after(plan) is not None)]
+        _, unknown = greatest_push(plan)
+        if unknown:
+            left_out = [*(name for name in left_out if name != 'insertion_force'),
+                        f'insertion_force: {unknown}']
+        return ValidationReport(**figures, not_looked_at=tuple(left_out))
 
     def _at_rest(self) -> Sequence[Shape]:
         """Return the shapes of the DLO that follows the plan slowly."""
@@ -294,9 +298,7 @@ def _figures_at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Sh
         'contact_lost': contact_lost(plan, plan.times, shapes),
         'contact_force': np.nan if held_after(plan) is not None else max(
             (contact.force for shape in shapes for contact in shape.contacts), default=0.0),
-        'insertion_force': max((force for force, shape in zip(
-            plan.insertion_force, plan.shapes, strict=True) if shape.far_end is not None),
-            key=lambda force: (np.isnan(force), force), default=np.nan),
+        'insertion_force': greatest_push(plan)[0],
         'clearance': Bodies(plan.sheets, obstacles, Surface.of(simulator.rod)).least(shapes),
         'deviation': deviation}
 

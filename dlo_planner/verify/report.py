@@ -80,8 +80,8 @@ class ValidationReport(Reported):
         `InMotion.contact_lost`, or the part of the waypoints at rest, whichever is larger; nan
         where none is lost without friction, and no friction is stated (see `replay`).
     insertion_force : float
-        Largest `Plan.insertion_force` in N, an estimate; nan where a waypoint with the DLO in the
-        bore has none, or there is no bore.
+        Largest `Plan.insertion_force` in N that is known, an estimate; nan where none is, or there
+        is no bore. Where only some are, `not_looked_at` says how many are not, and why.
     largest_friction : float
         Friction of the obstacles up to which, from none, the report holds; nan: it holds for that
         of the simulator's obstacles alone.
@@ -106,7 +106,8 @@ class ValidationReport(Reported):
     reason : str
         Why the trajectory must not be executed; empty if it may be.
     not_looked_at : tuple of str
-        Names of the figures that are nan.
+        Names of the figures that are nan; of `insertion_force` also at how many waypoints it is
+        not known, by their `Plan.insertion_status`: 'insertion_force: jams at 2 of 13 waypoints'.
     """
 
     converged: bool

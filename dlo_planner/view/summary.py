@@ -18,7 +18,7 @@ from dlo_planner.identify.fit import Fit
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.value import Value
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.plan import Plan, greatest_push
 from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.verify.robustness import Robustness
@@ -145,7 +145,9 @@ def plan_columns(plan: Plan) -> list[tuple[str, Floats, float, str]]:
     if np.isfinite(plan.yield_utilization).any():
         columns.append(('yield limit used', plan.yield_utilization, np.max, ''))
     if any(shape.far_end is not None for shape in plan.shapes):
-        columns.append(('push into the bore, estimated', plan.insertion_force, np.max, 'N'))
+        _, unknown = greatest_push(plan)
+        columns.append(('push into the bore, estimated' + (unknown and f' ({unknown})'),
+                        plan.insertion_force, np.fmax.reduce, 'N'))
     return [(name, values, float(worst(values)), unit) for name, values, worst, unit in columns]
 
 

@@ -196,3 +196,34 @@ def test_the_best_until_the_deadline_counts(short, monkeypatch):
     monkeypatch.setattr(CalmSearch, 'go_on', twice)
     assert standoff_of(inverse.approach(hole, through, NOW), through) == pytest.approx(0.1)
     assert len(calls) == 2
+
+
+@pytest.mark.parametrize(('stiffness', 'bent', 'seed'), [
+    (0.045, (-0.54, 0.87), 8), (0.036, (-1.13, 0.07), 20)])
+def test_where_the_straight_turn_would_let_it_fall_another_does_not(stiffness, bent, seed):
+    rng = np.random.default_rng(seed)
+    bends = 10 ** rng.uniform(-2, 0)
+    rod = Rod(1.0, 0.05, (bends, bends * rng.uniform(1, 2)), 0.7 * bends, radius=0.004,
+              natural_curvature=tuple(rng.uniform(-1.5, 1.5, 2)),
+              natural_twist=rng.uniform(-2, 2))
+    assert bends == pytest.approx(stiffness, rel=0.03)
+    assert rod.natural_curvature == pytest.approx(bent, abs=0.01)
+    hole = CutOut(Pose.looking_along((0, 0, 1), (1, *rng.uniform(-0.3, 0.3, 2))), radius=0.02)
+    simulator = DirectSimulator(rod)
+    inverse = InverseSimulator(simulator)
+    plan = inverse.thread(hole)
+    first = plan.grippers[0]
+    here = Pose.from_rotation(
+        first.position - rng.uniform(0.3, 1.0) * hole.normal + rng.uniform(-0.4, 0.4, 3),
+        Rotation.from_rotvec(rng.uniform(-0.6, 0.6, 3)).as_matrix() @ first.rotation)
+    # the gripper turns evenly: the DLO falls
+    turn = Rotation.from_matrix(first.rotation @ here.rotation.T).as_rotvec()
+    even = [Pose.from_rotation(here.position, Rotation.from_rotvec(share * turn).as_matrix()
+                               @ here.rotation) for share in np.linspace(0, 1, 9)]
+    assert any(shape.jumped for shape in simulator.track(even))
+    way = inverse.approach(hole, plan, here, standoff=0.1)
+    followed = simulator.track(way.grippers)
+    assert all(shape.converged and not shape.jumped for shape in followed)
+    np.testing.assert_allclose(followed[-1].positions, plan.shapes[0].positions, atol=1e-6)
+    assert all(((hole.center - shape.positions) @ hole.normal).min() > -2e-3
+               for shape in followed[:-1])

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 from sweeps.cutouts import MESHES, inserted, largest_step, random_bore
 
 from dlo_planner import (
@@ -22,7 +23,7 @@ from dlo_planner import (
 )
 from dlo_planner.inverse.continuation import Step
 from dlo_planner.inverse.tasks.insert import Insertion
-from dlo_planner.plan.bore import Inside, pushing
+from dlo_planner.plan.bore import Inside, _inside, pushing
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
 
@@ -234,7 +235,7 @@ def test_a_couple_at_the_mouth_wedges_a_beam_between_rim_and_wall(couple, rng):
     load[1, 1], load[0, 1] = couple / free.lengths[0], -couple / free.lengths[0]
     arm = np.sqrt(6 * BENDS * 2 * ROOM / couple)
     pushes = [pushing(free._replace(load=load + 1e-9 * rng.normal(size=load.shape)),
-                      np.full(61, ROOM), 1e-3) for _ in range(6)]
+                      np.full(61, ROOM), 1e-3).force for _ in range(6)]
     assert pushes[0] == pytest.approx(1e-3 * 2 * couple / arm, rel=0.1)
     assert pushes == pytest.approx(6 * [pushes[0]], rel=1e-3)  # whichever nodes bear
 
@@ -245,7 +246,7 @@ def test_a_bent_beam_is_held_straight_by_three_forces(axis):
     natural = np.zeros((60, 2))
     natural[:, axis] = 8 * sag / length**2
     middle = 48 * BENDS / length**3 * (sag - 2 * ROOM)
-    push = pushing(beam(length, natural=natural), np.full(61, ROOM), 1e-3)
+    push = pushing(beam(length, natural=natural), np.full(61, ROOM), 1e-3).force
     assert push == pytest.approx(1e-3 * 2 * middle, rel=0.05)
 
 
@@ -279,6 +280,7 @@ def test_what_is_not_stated_is_not_looked_at_and_named():
     for hole, friction in ((bore(), None), (CutOut(bore().pose), 0.3)):
         plan = INVERSE.insert(hole, depths=BORE_DEPTHS, friction=friction)
         assert np.isnan(plan.insertion_force).all()
+        assert set(plan.insertion_status) == {'not looked at'}
         report = replay(INVERSE.simulator, plan)
         assert np.isnan(report.insertion_force) and 'insertion_force' in report.not_looked_at
         row, = (line for line in plan.summary().splitlines() if 'push into the bore' in line)
@@ -298,3 +300,76 @@ def test_the_estimate_travels_with_plan_and_report(tmp_path):
     plan.save(tmp_path / 'plan.npz')
     np.testing.assert_array_equal(Plan.load(tmp_path / 'plan.npz').insertion_force,
                                   plan.insertion_force)
+
+
+@pytest.mark.parametrize('friction', [0.2, 0.3])
+def test_a_push_that_presses_the_dlo_against_the_mouth_jams(friction, tmp_path):
+    rod = Rod(1.0, 0.05, 0.2, 0.15, radius=0.002, natural_curvature=(1.0, 0.0))
+    hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=1.01 * 0.002)
+    inverse = InverseSimulator(DirectSimulator(rod))
+    depths = np.array([0.0, 0.1, 0.3, 0.5, 0.7, 0.9])
+    plan = inverse.insert(hole, depths=depths, friction=friction)
+    assert set(plan.insertion_status) == {'found', 'jams'}  # half of these were nan
+    assert all((status == 'found') == np.isfinite(force)
+               for force, status in zip(plan.insertion_force, plan.insertion_status, strict=True))
+    for force, status, depth, shape in list(zip(plan.insertion_force, plan.insertion_status,
+                                                depths, plan.shapes, strict=True))[1:]:
+        # by a quadratic program: a push exceeds what rubs only from the force that was found on
+        pushes = np.array((0.95 * force, 1.05 * force) if status == 'found' else (1.0, 2.0, 3.0))
+        rubs = [_rubbed_by_scipy(inverse.simulator, shape, depth, 2e-5, friction, push)
+                for push in pushes]
+        assert rubs[0] > pushes[0]
+        assert rubs[1] < pushes[1] if status == 'found' else (rubs > pushes).all()
+    report = replay(inverse.simulator, plan)
+    jams = plan.insertion_status.count('jams')
+    assert report.insertion_force == np.nanmax(plan.insertion_force[1:])
+    assert f'insertion_force: jams at {jams} of 5 waypoints' in report.not_looked_at
+    assert f'(jams at {jams} of 5 waypoints)' in plan.summary()
+    plan.save(tmp_path / 'plan.json')
+    assert Plan.load(tmp_path / 'plan.json').insertion_status == plan.insertion_status
+
+
+def _rubbed_by_scipy(simulator, outside, depth, room, friction, push):
+    """Return what a beam in one plane rubs, as a quadratic program in dense matrices."""
+    inside = _inside(simulator, simulator.rod.length - depth, outside)
+    axis = int(np.abs(inside.natural).sum(axis=0).argmax())
+    keep, count = [axis, 2 + axis], inside.lengths.size
+    assert np.abs(inside.load[:, 2 - axis]).max() < 1e-12
+    force, u = np.zeros(count + 1), np.zeros(2 * count + 2)
+    for _ in range(60):
+        force[0] = push
+        stiff, slope = np.zeros((u.size, u.size)), np.zeros(u.size)
+        for e, (h, stiffness, natural) in enumerate(zip(
+                inside.lengths, inside.stiffness[:, axis, axis], inside.natural[:, axis],
+                strict=True)):
+            at = slice(2 * e, 2 * e + 4)
+            stiff[at, at] += stiffness / h**3 * np.array(
+                [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2],
+                 [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h**2, -6 * h, 4 * h**2]])
+            stiff[at, at] -= force[e + 1] / (30 * h) * np.array(
+                [[36, 3 * h, -36, 3 * h], [3 * h, 4 * h**2, -3 * h, -h**2],
+                 [-36, -3 * h, 36, -3 * h], [3 * h, -h**2, -3 * h, 4 * h**2]])
+            slope[[2 * e + 1, 2 * e + 3]] += stiffness * natural * np.array([1, -1])
+        slope[::2] -= inside.load[:, 1 + axis]
+        stiff[:2, :2] += inside.mouth[np.ix_(keep, keep)]
+        slope[:2] -= (inside.mouth @ inside.pushed)[keep] * push
+        # a quadratic program within |deflection| <= room, as least squares in scaled unknowns; of a
+        # beam that buckles in steps that are each convex
+        size = 1 / np.sqrt(np.diag(stiff))
+        scaled, bounds = size[:, None] * stiff * size, np.full(u.size, np.inf)
+        bounds[::2] = room / size[::2]
+        near = max(0.0, -2 * np.linalg.eigvalsh(scaled)[0])
+        half = np.linalg.cholesky(scaled + near * np.eye(u.size))
+        for _ in range(200):
+            before = u / size
+            now = lsq_linear(half.T, np.linalg.solve(half, near * before - size * slope),
+                             (-bounds, bounds), 'bvls', tol=1e-15, max_iter=1000).x
+            u = size * now
+            if not near or np.abs(now - before).max() <= 1e-7 * np.abs(now).max():
+                break
+        walls = np.where(np.abs(u[::2]) >= (1 - 1e-9) * room, (stiff @ u + slope)[::2], 0.0)
+        last = force.copy()
+        force = np.cumsum((friction * np.abs(walls) - inside.load[:, 0])[::-1])[::-1]
+        if np.abs(force - last)[1:].max() <= 1e-3 * np.abs(force).max():
+            return force[0]
+    raise AssertionError('not found')

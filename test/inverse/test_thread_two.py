@@ -95,3 +95,24 @@ def test_a_roll_that_has_to_go_around_a_fold_is_found_on_any_mesh(elements):
     plan = InverseSimulator(DirectSimulator(spring, basis='local', n_elements=elements)).thread_two(
         first, second)
     assert len(plan) == 40 and plan.position_error.max() < 1e-9 and plan.stability.min() > 0.4
+
+
+@pytest.mark.parametrize('seed', [6, 18, 22])
+def test_a_plan_that_begins_deep_asks_nothing_of_the_free_end_before(seed):
+    # both centers are on a shape in which a soft DLO hangs; no shape ends in the second one
+    rng = np.random.default_rng(seed)
+    bends = 10 ** rng.uniform(-2.6, -1.2)
+    rod = Rod(1.0, 0.05, (bends, bends * rng.uniform(1, 1.5)), 0.7 * bends,
+              natural_curvature=tuple(rng.uniform(-1, 1, 2)))
+    simulator = DirectSimulator(rod)
+    hangs = simulator.solve(Pose((0, 0, 1), Rotation.random(random_state=seed).as_quat()))
+    assert hangs.converged
+    depth = rng.uniform(0.3, 0.8)
+    second = rng.uniform(1 - depth + 0.15, 0.95)
+    holes = [CutOut(hangs.at(s)) for s in (1 - depth, second)]
+    plan = InverseSimulator(simulator).thread_two(*holes, depths=[depth])
+    shape = simulator.solve(plan.grippers[0])  # set down there
+    assert shape.converged and np.linalg.norm(shape.at(1 - depth).position - holes[0].center) < 1e-6
+    near = [np.linalg.norm(shape.at(s).position - holes[1].center)
+            for s in np.linspace(1 - depth, 1, 2001)]
+    assert min(near) < 5e-4  # half a step of these

@@ -8,18 +8,22 @@ come too near to the sheet, the gripper backs off along the normal first, turns,
 While it only translates, a DLO that is behind the sheet at both ends is behind it all along; while
 it turns, it has to keep away by as much as may happen between two poses. The gripper backs off by
 the smallest distance that allows that; from farther than its length the DLO cannot reach the sheet.
+Where the DLO would fall on the way, the gripper turns by way of other directions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
 from dlo_planner.inverse.continuation import (
@@ -29,13 +33,14 @@ from dlo_planner.inverse.continuation import (
     Step,
     continue_family,
 )
+from dlo_planner.inverse.equilibria import least_turn
 from dlo_planner.inverse.route import first_feasible, quick_simulator
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import SHARPEST, interpolated
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between, turned_by
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
@@ -47,6 +52,11 @@ from dlo_planner.trajectory.trajectory import quickest_plan
 _MARGIN = 0.02        # of the length
 _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the distance back that is safe in any case
 _STRAIGHT = None      # instead of backing off: translation and rotation at once
+_FALLS = 'continuity', 'start'  # refusals: the DLO falls, or comes into another shape
+# Unit vectors that the gripper is directed along on a detour: a grid of eighths of a turn.
+_DIRECTIONS = np.array([(np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift))
+                        for lift in (0.0, -np.pi / 4, np.pi / 4)
+                        for turn in np.arange(8) * np.pi / 4] + [(0.0, 0.0, -1.0)])
 
 
 # A pose of the gripper, and how far (m) the DLO has to be behind the sheet there.
@@ -65,15 +75,18 @@ def first_approach(approach: Callable[..., Plan], length: float, *arguments: Any
 
 
 def _from_behind(simulator: DirectSimulator, task: Approach, start: Pose, initial: Shape | None,
-                 demands: Judge, back: float | None) -> Plan:
-    """Return the Plan to `first` that goes `back` (m) before it turns, or _STRAIGHT."""
+                 demands: Judge, back: float | None, detour: Sequence[Floats] = ()) -> Plan:
+    """Return the Plan to `first` that goes `back` (m) before it turns, or _STRAIGHT.
+
+    detour: rotations (3, 3) that the gripper turns through, where it goes back.
+    """
     cutout, first, standoff = task.cutout, task.first, task.standoff
     assert standoff is not None  # the task chooses one
     normal, length, radius = cutout.normal, simulator.rod.length, demands.surface.bound
     entering = _entering(first.gripper, normal, standoff, length)
     before = entering[0]
     coming = (_blended(start, before, standoff, radius, length) if back is _STRAIGHT else
-              _cornered(cutout, start, before, radius, length, back))
+              _cornered(cutout, start, before, radius, length, back, detour))
     # the free end may wait in the hole, and comes to be there
     hole = -(1 + _MARGIN) * radius - _MARGIN**2 * length
     stations = [(start, hole), *coming]
@@ -143,15 +156,50 @@ def _blended(start: Pose, before: Pose, standoff: float, radius: float,
 
 
 def _cornered(cutout: CutOut, start: Pose, before: Pose, radius: float, length: float,
-              back: float) -> list[_Station]:
+              back: float, detour: Sequence[Floats]) -> list[_Station]:
     """Return the same of a motion back along the normal by `back` (m), a turn, and one forward."""
     safe = (cutout.center - start.position) @ cutout.normal + back >= length + radius
     away = start.position - back * cutout.normal
-    lifted, turned = (Pose.from_rotation(away, pose.rotation) for pose in (start, before))
+    lifted, *between, turned = (Pose.from_rotation(away, rotation) for rotation in (
+        start.rotation, *detour, before.rotation))
     return ([(pose, 0.0) for pose in interpolated(start, lifted, length)]
             + [(pose, 0.0 if safe else SHARPEST * length)
-               for pose in interpolated(lifted, turned, length)]
+               for one, other in pairwise((lifted, *between, turned))
+               for pose in interpolated(one, other, length)]
             + [(pose, 0.0) for pose in interpolated(turned, before, length)])
+
+
+def _detours(simulator: DirectSimulator, start: Pose, first: Shape,
+             initial: Shape | None) -> Iterator[tuple[Floats, ...]]:
+    """Yield rotations to turn through, by which the DLO comes into the shape `first`.
+
+    The gripper goes by way of another direction, or turns the long way around. How the DLO falls
+    depends on the rotation alone; the shortest ways that do it without a fall come first.
+    """
+    one, other = start.rotation, first.gripper.rotation
+    turn = Rotation.from_matrix(other @ one.T).as_rotvec()
+    angle = float(np.linalg.norm(turn))
+    # a rotation by 2 pi less, about the same axis; without one, any
+    axis = turn / angle if angle > 0 else one[:, 0]
+    ways = [tuple(turned_by(share * (angle - 2 * np.pi) * axis) @ one for share in (1 / 3, 2 / 3))]
+    ways += [(least_turn(one[:, 0], by) @ one, least_turn(other[:, 0], by) @ other)
+             for by in _DIRECTIONS]
+    begin = simulator.track([start], initial=initial)[0]
+
+    def turned(way: tuple[Floats, ...]) -> float:
+        return sum(angle_between(a, b) for a, b in pairwise((one, *way, other)))
+
+    for way in sorted(ways, key=turned):
+        shape, poses = begin, [Pose.from_rotation(start.position, rotation)
+                               for rotation in (one, *way, other)]
+        for pose in (pose for a, b in pairwise(poses)
+                     for pose in interpolated(a, b, simulator.rod.length)):
+            shape = simulator.track([pose], initial=shape)[0]
+            if shape.jumped or not shape.converged:
+                break
+        else:
+            if same(carried(shape, first.gripper.position - start.position), first):
+                yield way
 
 
 _FARTHEST = 100  # of the length: from where the gripper may come
@@ -230,14 +278,25 @@ class Approach(Task):
         if quick is not simulator:
             trial, end = demands.silent().made_with(quick), quick.solve(end.gripper, end)
 
-        def planned(away: float | None) -> Plan:
+        def planned(away: float | None, detour: Sequence[Floats] = ()) -> Plan:
             plan = _from_behind(quick, replace(task, first=end), start, context.initial, trial,
-                                away)
+                                away, detour)
             return plan if quick is simulator else _from_behind(
-                simulator, task, start, context.initial, demands, away)
+                simulator, task, start, context.initial, demands, away, detour)
 
-        return first_feasible(partial(planned, share if share is _STRAIGHT else share * back)
-                              for share in (_STRAIGHT, *(_SHARES if back else (0.0,))))
+        shares = _SHARES if back else (0.0,)
+        try:
+            return first_feasible(partial(planned, share if share is _STRAIGHT else share * back)
+                                  for share in (_STRAIGHT, *shares))
+        except Infeasible as refused:
+            if refused.constraint not in _FALLS:
+                raise
+            for detour in _detours(quick, start, end, context.initial):
+                context.progress.check()
+                with suppress(Infeasible):
+                    return first_feasible(partial(planned, share * back, detour)
+                                          for share in shares)
+            raise
 
     def _quickest(self, ways: Sequence[Plan], context: PlanContext) -> int:
         """Return the index of the plan whose calm motion is the quickest, 0 if none is calm."""

@@ -93,9 +93,10 @@ class Insertion(Family):
            final: bool = False) -> Passing | None:
         """Return the Passing at a way, m; a waypoint is confirmed, with its end at the mouth."""
         del roll
-        return before if depth == before.depth and final else self._passing(depth, final)
+        return before if depth == before.depth and final else self._passing(
+            depth, final, before)
 
-    def _passing(self, way: float, final: bool) -> Passing | None:
+    def _passing(self, way: float, final: bool, before: Passing | None = None) -> Passing | None:
         k = min(int(np.searchsorted(self.way, way, side='right')) - 1, len(self._stops) - 1)
         stop = self._stops[k]
         if way > self.way[k]:
@@ -107,9 +108,10 @@ class Insertion(Family):
         shape = self._shape(outside)
         if shape is None:
             return None
-        if final:
-            shape = self._held(stop, outside, shape)
-        return Passing(shape, depth=way)
+        passing = Passing(shape, depth=way)
+        if not final or before is not None and self.too_far(before, passing, way - before.depth):
+            return passing  # what is too far from the one before is no waypoint
+        return Passing(self._held(stop, outside, shape), depth=way)
 
     def _shape(self, outside: DirectSimulator) -> Shape | None:
         """Return the Shape of the part outside, free of force at its end, or None."""
@@ -221,7 +223,8 @@ class Insert(Task):
     depths : ndarray, shape (n,) or None
         Arc lengths that are inside, m. If None, chosen by the solver.
     friction : float or None
-        Coulomb's coefficient in the bore. If None, not known: `Plan.insertion_force` is nan.
+        Coulomb's coefficient in the bore. If None, not known: `Plan.insertion_force` is nan, its
+        status 'not looked at'.
     """
 
     bore: CutOut
@@ -266,6 +269,7 @@ class Insert(Task):
 
         plan = first_feasible(partial(planned, begin) for begin in start_candidates(
             simulator, bore.normal, context.start))
-        return replace(plan, insertion_force=np.array([
-            uninterrupted(insertion_force(simulator, bore, self.friction, depth, shape))
-            for depth, shape in zip(plan.depths, plan.shapes, strict=True)]))
+        pushes = [uninterrupted(insertion_force(simulator, bore, self.friction, depth, shape))
+                  for depth, shape in zip(plan.depths, plan.shapes, strict=True)]
+        return replace(plan, insertion_force=np.array([push.force for push in pushes]),
+                       insertion_status=tuple(push.status for push in pushes))

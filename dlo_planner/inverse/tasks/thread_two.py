@@ -3,7 +3,8 @@
 """Threading through two cut-outs: their centers without orientation (paper, section 5.2, Fig. 14).
 
 Until the free end reaches the second cut-out, the DLO passes the first one along one direction;
-from then on it passes both centers at once. The direction is that of the DLO at the change, so that
+from then on it passes both centers at once. A plan that begins deeper may do so in any shape that
+passes both. The direction is that of the DLO at the change, so that
 the gripper's path is continuous. Gravity does not depend on the gripper's position: its rotation
 and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and the position follows. Each cut-out
 is passed in its direction, possibly obliquely.
@@ -14,11 +15,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuation import (
@@ -69,11 +72,15 @@ _FEW = 16           # waypoints at most where a way is only looked for
 
 @dataclass(frozen=True)
 class Change:
-    """The change of the motion: the free end is at the second center; routes before and after."""
+    """The change of the motion: the free end is at the second center; routes before and after.
+
+    Or, `deep`, where a motion begins of which no waypoint is before any change.
+    """
 
     passing: Passing
     back: Route | None = None
     on: Route | None = None
+    deep: bool = False
 
     def unsmoothed(self) -> Change:
         """Return the same, each roll of its routes followed as it is."""
@@ -108,9 +115,11 @@ def thread_two(simulator: DirectSimulator, task: Threading) -> Plan:
     def others(refused: Infeasible | None) -> Iterator[Change]:
         del refused
         sphere, tried = shapes(), list[Change]()
-        for change in () if sphere is None else other_changes(quick, trial, sphere):
-            tried.append(change)
-            yield change
+        if sphere is not None:
+            for change in chain(other_changes(quick, trial, sphere),
+                                deep_beginnings(quick, trial, sphere)):
+                tried.append(change)
+                yield change
         # smoothed rolls may come too late where a fold has to be gone around
         yield from (change.unsmoothed() for change in tried)
 
@@ -125,11 +134,18 @@ def thread_two(simulator: DirectSimulator, task: Threading) -> Plan:
     if own:
         return plan
     shape = simulator.solve(change.passing.shape.gripper, change.passing.shape)
-    refined = _both(simulator, task).from_end(
-        shape, change.passing.depth) if shape.converged else None
+    refined = _at_both(_both(simulator, task), shape, change.passing.depth, change.deep)
     if refined is None:
         raise _unreached(simulator, task)
     return _thread_through(simulator, task, replace(change, passing=refined))
+
+
+def _at_both(condition: TwoPoints, shape: Shape, depth: float, deep: bool) -> Passing | None:
+    """Return the Passing near a Shape: at a depth (m) if `deep`, else where its free end is."""
+    if not shape.converged:
+        return None
+    return condition.at(Passing(shape, depth=depth), depth) if deep else condition.from_end(
+        shape, depth)
 
 
 def _thread_through(simulator: DirectSimulator, task: Threading, change: Change) -> Plan:
@@ -264,9 +280,33 @@ def other_changes(simulator: DirectSimulator, task: Threading,
             continue
         guess = shape_with_end(simulator.mesh, changes.ends[k])
         shape = simulator.solve(guess.gripper, guess)
-        solved = condition.from_end(shape, depths[k]) if shape.converged else None
+        solved = _at_both(condition, shape, depths[k], deep=False)
         if solved is not None:
             yield Change(solved, back, routes_on[k][1])
+
+
+def deep_beginnings(simulator: DirectSimulator, task: Threading,
+                    shapes: HangingShapes) -> Iterator[Change]:
+    """Yield Changes at the first depth, if it is beyond any change: how it came there is not asked.
+
+    A free end that has gone less far than the centers are apart cannot have come to the second.
+    """
+    depth, condition = float(task.depths[0]), _both(simulator, task)
+    if depth < np.linalg.norm(_chord(task)):
+        return
+    begins = condition.crossings(shapes, depth)
+    routes = _routes_on(condition, shapes, begins, np.full(len(begins), depth), task)
+    ways = [(begins.ends[k], routes[k][1]) for k in _unlike(
+        begins, np.array([cost for cost, _ in routes]))]
+    # a DLO that hangs nearly straight through both may be between the nodes of the grid
+    ways += [(end, None) for end in condition.nearest(shapes, depth, _GUESSES)]
+    for end, route in ways:
+        task.demands.progress.check()
+        guess = shape_with_end(simulator.mesh, end)
+        solved = _at_both(condition, simulator.solve(guess.gripper, guess), depth, deep=True)
+        if solved is not None and gets_there(simulator, solved.shape.gripper,
+                                             solved.shape.frames[-1]):
+            yield Change(solved, on=route, deep=True)
 
 
 def at_the_second(simulator: DirectSimulator, task: Threading,
