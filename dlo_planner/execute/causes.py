@@ -40,6 +40,7 @@ class Cause(IntEnum):
     INVALID_POINTS = 109, ('`observed_points` has no x, y, z, or too few points, or a stamp of '
                            'another time')
     NOTHING_SEEN = 110, '`identify` before anything of the DLO was seen'
+    TOO_MANY_CALLS = 111, 'so many calls wait before this one that it was not looked at'
     INFEASIBLE = 200, 'no plan keeps all demands, for another reason than the next ones'
     UNSTABLE = 201, 'a waypoint has no stable shape'
     WORKSPACE = 202, 'the gripper would leave its workspace, or come into an obstacle'

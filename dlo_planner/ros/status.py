@@ -17,10 +17,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DloPlannerError
-from dlo_planner.execute.causes import Cause, cause_of
+from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.identify.correction import Correction
 from dlo_planner.ros.inputs import Frames, brief_text, named
-from dlo_planner.ros.lifecycle import LATCHED, LifecycleNode
+from dlo_planner.ros.lifecycle import LATCHED, MOST_CALLS, LifecycleNode
 from dlo_planner.ros.markers import MarkerCache
 from dlo_planner.ros.state import Proof, Store
 from dlo_planner.verify.report import ValidationReport
@@ -191,6 +191,17 @@ class Status:
             self._log.error(brief_text(''.join(traceback.format_exception(error)),
                                        _MOST_TRACED))
         return cause, brief_text(f'{what} failed: {type(error).__name__}: {error}')
+
+    def crowded(self, what: str, request: Any, response: Any) -> Any:
+        """Refuse a call, since too many wait before it; return its answer."""
+        stamps = [getattr(request, name).header.stamp for name in ('goal', 'start')
+                  if hasattr(request, name)]
+        given = (stamp for stamp in stamps if stamp.sec or stamp.nanosec)
+        with self.answering(what, stamp=next(given, None),
+                            answer=response if hasattr(response, 'message') else None):
+            raise Refused(Cause.TOO_MANY_CALLS, f'{MOST_CALLS} calls wait before this one: '
+                          'expected it when some of them are answered')
+        return response
 
     def tell(self, what: str, cause: Cause, message: str, stamp: Time | None,
              values: Mapping[str, object] | None = None, warns: bool = False) -> None:
