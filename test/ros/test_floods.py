@@ -9,10 +9,10 @@ from time import sleep
 import node_inside
 import numpy as np
 import pytest
+from nav_msgs.srv import GetPlan
 from node_inside import HERE, Alive, clear, state
 from planner_client import drain
 from planner_process import connected_client, until
-from nav_msgs.srv import GetPlan
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
