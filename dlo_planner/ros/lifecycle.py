@@ -287,6 +287,11 @@ class LifecycleNode(Entities, LifecycleNodeMixin, Node):
         Entities.__init__(self)
         self.lifecycle_state = 'starting'
 
+    @property
+    def known_as(self) -> str:
+        """Its name on /diagnostics and in each status, with its namespace: `cell1/dlo_planner`."""
+        return str(self.get_fully_qualified_name()).lstrip('/')
+
     def show(self) -> None:
         """Make the services of parameters and of the lifecycle."""
         self._parameters_shown = ParameterService(self)

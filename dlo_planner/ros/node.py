@@ -204,7 +204,7 @@ class PlannerNode(LifecycleNode):
         self._diagnostics_out.publish(self._diagnostics())
 
     def _diagnostics(self) -> DiagnosticArray:
-        shared, name, stamp = self.shared, self.get_name(), self.get_clock().now().to_msg()
+        shared, name, stamp = self.shared, self.known_as, self.get_clock().now().to_msg()
         if shared is None or self.lifecycle_state != 'active':
             text = {'starting': 'starting: the solver is being loaded'}.get(
                 self.lifecycle_state, f'not active: {self.lifecycle_state}')

@@ -209,7 +209,7 @@ class Status:
         level = ERROR if cause == Cause.INTERNAL else (
             OK if cause == Cause.DONE and not warns else WARN)
         self._out.publish(status_msg(
-            f'{self._node.get_name()}: {what}', self._store.state.scene['rod.name'], level,
+            f'{self._node.known_as}: {what}', self._store.state.scene['rod.name'], level,
             message, {'request': what, 'stamp': stamp_text(stamp), 'code': int(cause),
                       'cause': cause.name, **(values or {})}))
 

@@ -396,7 +396,7 @@ class TrajectoryStreamer(Part):
 
     def _tell(self, execution: Execution | None) -> None:
         self._told, self._told_of = monotonic(), '' if execution is None else execution.phase
-        name, state = f'{self.node.get_name()}: execution', self.store.state
+        name, state = f'{self.node.known_as}: execution', self.store.state
         level, message, values = described(execution, state.looking)
         self._out.publish(status_msg(name, state.scene['rod.name'], level, message, values))
 

@@ -94,10 +94,9 @@ class Viewer(Node):
                                 if marker.header.frame_id), self._frame)
 
     def _on_diagnostics(self, msg: DiagnosticArray) -> None:
-        full = self._planner.lstrip('/')
-        own = {f'{name}: solver' for name in (full, full.rsplit('/', 1)[-1])}
+        own = f'{self._planner.lstrip("/")}: solver'
         for status in msg.status:
-            if status.name.lstrip('/') in own:
+            if status.name == own:
                 values = {item.key: item.value for item in status.values}
                 self.page.put_state('planner', _level(status), status.message)
                 if 'report' in values:

@@ -46,6 +46,8 @@ def test_every_dlo_in_config_hangs_whatever_the_node_is_called(domain, monkeypat
         assert node.shared.store.state.scene['rod.name'] == rod['name']
         assert len(path.poses) == 65
         assert path.poses[-1].pose.position.z < 1.0
+        said = client.diagnostics.get(timeout=PATIENCE).status
+        assert [one.name.split(': ')[0] for one in said] == ['cell1/held'] * len(said)
 
 
 @pytest.mark.every(6)
