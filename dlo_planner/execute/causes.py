@@ -77,7 +77,8 @@ class Cause(IntEnum):
     MISS_EXPECTED = 415, 'the observed DLO is not inside the cut-out with 95 %: it stops before it'
     NOT_ENABLED = 416, '`enable` is not true, or older than `execute.enable_timeout`'
     LIMITS = 417, 'the motion would exceed the limits of speed, acceleration or jerk'
-    OTHER_PLAN = 418, 'another plan has come since: name the one to be executed, by `execute_plan`'
+    OTHER_PLAN = 418, ('several nodes ask for plans, and another one has come since: name the one '
+                       'to be executed, by `execute_plan`')
     LOOKS_DISAGREE = 419, ('what is seen of the DLO does not agree with what was expected: it '
                            'stops, and goes back before the cut-out')
     INTERNAL = 500, 'an error of the node itself; the log has its place'

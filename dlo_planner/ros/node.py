@@ -169,8 +169,10 @@ class PlannerNode(LifecycleNode):
             return
         self.shut(_ENDING)
         for one in (self.predictor, self.proof_server, self.scene_monitor, self.shared.markers,
-                    self.shared.frames, *self.desks):
+                    self.shared.frames):
             one.close()
+        for desk in self.desks:
+            desk.close()
         self.destroy_entities()
         self.shared = None
 

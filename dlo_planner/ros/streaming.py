@@ -290,9 +290,10 @@ class TrajectoryStreamer(Part):
                 refuse_tolerance(request, 'execute_plan')
             observing = self._observing(now)
             loops: list[ClosedLoopDrive | None] = []
+            askers = self._planning.askers()
 
             def started(now: State) -> State:
-                now = now.started(monotonic(), wanted)
+                now = now.started(monotonic(), wanted, askers)
                 loops[:] = [closed_loop_of(now, observing, self._worker)]
                 return now if loops[0] is None else loops[0].begun(now)
 
