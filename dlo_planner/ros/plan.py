@@ -23,8 +23,8 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.errors import DeadlineExceeded, InvalidTask
-from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.errors import DeadlineExceeded, DloPlannerError, Infeasible, InvalidTask
+from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of, threading_of
 from dlo_planner.model.cutout import CutOut
@@ -201,7 +201,7 @@ class PlanningServer(Part):
                           'far_end.hold = free, or no pose, for a plan')
         plan, before = self._interruptible(
             state.scene['threading.planning_deadline'],
-            lambda: make_plan(state.scene, task, start, state.shape, miss))
+            lambda: explained(partial(make_plan, state.scene, task, start, state.shape, miss)))
         seconds = monotonic() - begun
         scene, stamp = state.scene, self.node.get_clock().now().to_msg()
         made = PlanResult(scene, plan, before, stamp, task, outcome.stamp,
@@ -250,6 +250,19 @@ class PlanningServer(Part):
             raise deadline_refusal(error) from None
         finally:
             self._job = None
+
+
+def explained(make: Callable[[], T]) -> T:
+    """Return what `make` does; where that is infeasible, say what is known of why."""
+    try:
+        return make()
+    except Infeasible as error:
+        known = ''
+        with suppress(DloPlannerError):  # whoever has no more time for it hears the rest
+            known = error.certificate
+        if not known:
+            raise
+        raise Refused(cause_of(error), f'{error}: {known}') from error
 
 
 def deadline_refusal(error: DeadlineExceeded) -> Refused:

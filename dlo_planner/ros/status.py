@@ -155,8 +155,12 @@ class Status:
 
     @contextmanager
     def answering(self, what: str, *, stamp: Time | None = None, answer: Any = None,
-                  counter: str | None = None, told: bool = True) -> Iterator[Outcome]:
-        """Let no exception out of a callback: refuse with a reason, keep the last good output."""
+                  counter: str | None = None, told: bool = True,
+                  stream: bool = False) -> Iterator[Outcome]:
+        """Let no exception out of a callback: refuse with a reason, keep the last good output.
+
+        Of a `stream` of messages a refusal alone is told, as often as it is written.
+        """
         if told and stamp is None:
             stamp = self._node.get_clock().now().to_msg()
         outcome = Outcome(stamp)
@@ -166,15 +170,15 @@ class Status:
             cause, reason = self._refusal(what, error)
             if counter is not None:
                 self._statistics.count(counter)
-            self.failed(what, cause, reason)
-            if told:
+            written = self.failed(what, cause, reason)
+            if told and (written or not stream):
                 self.tell(what, cause, reason, stamp)
         else:
             cause, warning = Cause.DONE, outcome.warning
             reason = '; '.join(filter(None, (outcome.message, warning)))
             if warning:
                 self.warn(what, f'{what}: {warning}')
-            if told:
+            if told and not stream:
                 self.tell(what, cause, reason, stamp, outcome.values, bool(warning))
         if answer is not None:
             answer.success, answer.message = cause == Cause.DONE, reason
@@ -213,17 +217,19 @@ class Status:
             message, {'request': what, 'stamp': stamp_text(stamp), 'code': int(cause),
                       'cause': cause.name, **(values or {})}))
 
-    def failed(self, what: str, cause: Cause, reason: str) -> None:
-        """Take a refusal or failure to diagnostics and, at most once a second, to the log."""
+    def failed(self, what: str, cause: Cause, reason: str) -> bool:
+        """Take a refusal or failure to diagnostics and the log; return whether it is written."""
         self._statistics.failed(reason)
-        self.warn((what, cause), reason)
+        return self.warn((what, cause), reason)
 
-    def warn(self, key: object, text: str) -> None:
-        """Write a warning, at most once a second of each kind."""
+    def warn(self, key: object, text: str) -> bool:
+        """Write a warning, at most once a second of each kind; return whether it is written."""
         now = monotonic()
-        if now - self._written.get(key, -np.inf) >= _QUIET:
-            self._written[key] = now
-            self._log.warning(' '.join(brief_text(text).split()))
+        if now - self._written.get(key, -np.inf) < _QUIET:
+            return False
+        self._written[key] = now
+        self._log.warning(' '.join(brief_text(text).split()))
+        return True
 
     def info(self, text: str) -> None:
         """Write a line."""
