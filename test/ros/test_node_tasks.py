@@ -43,6 +43,7 @@ from dlo_planner.execute.causes import Cause
 from dlo_planner.inverse.task import Task
 from dlo_planner.penalties import PositionAt
 from dlo_planner.rods import GraspedInside, with_plug
+from dlo_planner.ros.lifecycle import LATCHED
 from dlo_planner.settings.tasks import task_to_yaml
 from dlo_planner.tasks import Approach, MoveTo
 from msg_helpers.obstacles import obstacles_msg
@@ -264,6 +265,16 @@ def test_the_wrench_of_the_dlo_is_that_at_the_tool(inside, node, wrenches):
         assert 'far_end_wrench' not in wrenches
     finally:
         inside.set_parameters(tool__position=[0.0, 0.0, 0.0])
+
+
+def test_who_asks_late_hears_the_wrench_of_the_shape_that_stands(inside, node):
+    path, _ = inside.shape_for(Pose((0.1, 0.0, 1.0), (0, 0, 0, 1)))
+    came = []
+    made = inside.node.create_subscription(
+        WrenchStamped, f'{inside.planner}/gripper_wrench', came.append, LATCHED)
+    assert until(lambda: came)
+    assert came[0].header.stamp == path.header.stamp
+    inside.node.destroy_subscription(made)
 
 
 def test_a_far_end_is_held_while_its_poses_come(inside, node, wrenches, capfd):
