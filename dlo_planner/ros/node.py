@@ -253,12 +253,18 @@ def descriptor(entry: ParameterSpec) -> ParameterDescriptor:
 def declare(node: Any) -> None:
     """Declare all parameters with the values given at the start; warn of those that do not exist.
 
-    A DLO that is described in part is refused. Whole numbers in YAML are taken for doubles where
+    A DLO that is described in part is refused; where nothing is said of it, it is that of the
+    launch file, as a warning says. Whole numbers in YAML are taken for doubles where
     doubles are due.
     """
     given = take_overrides(node)
     section = str(given.get('rod.section', PARAMETERS['rod.section'].default))
-    check_described(given, section)
+    if any(name.startswith('rod.') for name in given):
+        check_described(given, section)
+    else:
+        node.get_logger().warning(
+            'no parameter under rod. is given: the DLO is a copper wire, 1 m long and 1 mm thick; '
+            'expected those of yours, by --params-file (config/ has files of some)')
     for warning in idle_warnings(given, section):
         node.get_logger().warning(warning)
     for name, entry in PARAMETERS.items():
