@@ -105,7 +105,8 @@ def test_the_commands_of_the_page_do_what_they_say(domain, monkeypatch, argument
 
 def test_a_node_without_a_file_has_the_dlo_of_the_launch():
     given = yaml.safe_load(FILE.read_text())['/**']['ros__parameters']['rod']
-    assert all(PARAMETERS[f'rod.{name}'].default == value for name, value in given.items())
+    defaults = {name: PARAMETERS[f'rod.{name}'].default for name in given}
+    assert {name: type(defaults[name])(value) for name, value in given.items()} == defaults
 
 
 def test_who_says_nothing_of_the_dlo_is_told_which_it_is(domain, monkeypatch, capfd):
