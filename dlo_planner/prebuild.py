@@ -19,6 +19,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from time import monotonic
 
+from dlo_planner.signals import leave_to_parent
+
 _PROCESSES = 2
 
 
@@ -48,7 +50,7 @@ def prebuild(into: Path | None = None) -> Path:
     folder = files.IN_PACKAGE if into is None else into / files.IN_PACKAGE.name
     folder.mkdir(parents=True, exist_ok=True)
     first, *others = range(len(exercises.ALL))
-    with ProcessPoolExecutor(_PROCESSES, mp_context=get_context('spawn')) as pool:
+    with ProcessPoolExecutor(_PROCESSES, get_context('spawn'), leave_to_parent) as pool:
         use = partial(_use, folder)
         kept = pool.submit(use, first).result().union(*pool.map(use, others))
     for path in folder.iterdir():

@@ -54,9 +54,7 @@ class Planner:
 
     def heeds(self, number):
         """Whether it has a handler for a signal, which Python does not set by itself."""
-        status = Path(f'/proc/{self.process.pid}/status').read_text()
-        caught = next(line.split()[1] for line in status.splitlines() if 'SigCgt' in line)
-        return bool(int(caught, 16) >> number - 1 & 1)
+        return heeds(self.process.pid, number)
 
     def interrupt(self, *signals):
         """Send SIGINT, or these signals 0.1 s apart; return the exit status."""
@@ -65,6 +63,13 @@ class Planner:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self.process.wait(timeout=0.1)
         return self.process.wait(timeout=PATIENCE)
+
+
+def heeds(process, number):
+    """Whether a process (its number) has a handler for a signal."""
+    status = Path(f'/proc/{process}/status').read_text()
+    caught = next(line.split()[1] for line in status.splitlines() if 'SigCgt' in line)
+    return bool(int(caught, 16) >> number - 1 & 1)
 
 
 @contextlib.contextmanager

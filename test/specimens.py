@@ -187,7 +187,7 @@ def arguments():
         'concatenate.other': _back(known['Plan']), 'depths': DEPTHS,
         'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
         'mode': 'straight',
-        'lengths': [0.5], 'forces': [1.0], 'deadline': 2.0, 'penalties': known['PositionAt'],
+        'lengths': [0.5], 'forces': [1.0], 'deadline': 1e9, 'penalties': known['PositionAt'],
         'target': (0.4, 0.0, 1.0), 'obstacles': (known['Sphere'],), 'distance': 0.1,
         'curvature': 1.0, 'sensitivity': Sensitivity(shape), 'max_iterations': 5,
         'DirectSimulator.obstacles': (), 'GraspedInside.obstacles': (), 'fit_rod.obstacles': (),

@@ -7,6 +7,7 @@ import os
 import signal
 from contextlib import nullcontext
 from functools import cache
+from inspect import signature
 from threading import Event, Thread, Timer
 from time import sleep
 
@@ -29,6 +30,7 @@ from dlo_planner import (
     Uncertainty,
     fit_rod,
     progress,
+    public,
     robustness,
     solve_many,
 )
@@ -39,6 +41,8 @@ from dlo_planner.parallel import CellGrid, capability_map
 from dlo_planner.penalties import PositionAt, minimize_penalty
 from dlo_planner.progress import Progress, interrupted_by, uninterrupted
 from dlo_planner.rods import GraspedInside
+from dlo_planner.settings.parameters import PARAMETERS
+from dlo_planner.settings.tasks import plan_task
 
 SOFT = Rod(1.0, 0.1, 0.02, 0.014, radius=0.005)
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
@@ -48,6 +52,11 @@ AMONG = (Plane((0, 0, 0.7), (0, 0, 1), 0.6), Sphere((0.4, 0.02, 0.85), 0.08, 0.5
          Capsule((0.6, -1, 0.8), (0.6, 1, 0.8), 0.05, 0.4),
          Box(Pose((0.8, 0, 0.75), (0, 0, 0, 1)), (0.2, 0.3, 0.2), 0.5))
 HOLE = CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.05)
+
+
+TOWARDS = Pose.looking_along((-0.8, 0, 1), (1, 0, 0))
+VALUES = {name: one.default for name, one in PARAMETERS.items()} | {
+    'threading.standoff': 0.05, 'threading.deepest': 0.5}
 
 
 class Stopped(Exception):
@@ -148,8 +157,21 @@ def planned():
     return InverseSimulator(fine(32, WIRE)).thread(HOLE)
 
 
+def on_a_fine_mesh(at):
+    return InverseSimulator(fine(1000, WIRE)).plan(public.Thread(HOLE, depths=(0.0, 0.1)),
+                                                   deadline=at)
+
+
 # how often a public call looks at its own deadline at least, where none of its steps has ended
 DEADLINES = [
+    ('solve', lambda at: fine(100, obstacles=AMONG).solve(LEVEL, deadline=at), 15),
+    ('grasped once', lambda at: GraspedInside(SOFT, 0.4, n_elements=60, basis='local',
+                                              obstacles=AMONG).solve(LEVEL, deadline=at), 8),
+    ('plan', lambda at: InverseSimulator(fine(32, WIRE)).plan(public.Thread(HOLE), deadline=at),
+     80),
+    ('waypoints', on_a_fine_mesh, 25),
+    ('task', lambda at: plan_task(InverseSimulator(fine(32, WIRE)), public.Thread(HOLE), VALUES,
+                                  start=TOWARDS, deadline=at), 180),
     ('track', lambda at: fine(100, obstacles=AMONG).track([LEVEL], deadline=at), 15),
     ('simulate', lambda at: fine(100, obstacles=AMONG).simulate([LEVEL], 0.01, deadline=at), 15),
     ('grasped', lambda at: GraspedInside(SOFT, 0.4, n_elements=60, basis='local',
@@ -294,3 +316,16 @@ def test_control_c_in_a_plain_solve_is_no_error_of_numba():
     with pytest.raises(KeyboardInterrupt):
         strip.solve(TILTED)
         sleep(60)  # it was quicker than the signal
+
+
+def test_each_public_call_that_reports_its_progress_takes_a_deadline():
+    known = {name: getattr(public, name) for name in public.__all__}
+    calls = [*known.items(), *(item for one in known.values() if isinstance(one, type)
+                               for item in vars(one).items())]
+    taking = {name: set(signature(call).parameters) for name, call in calls if callable(call)
+              and not name.startswith('_') and not (
+                  isinstance(call, type) and issubclass(call, BaseException))}
+    long = {name for name, known in taking.items() if 'progress' in known} - {
+        'demands', 'PlanContext'}  # which take one that has a deadline
+    assert {'plan', 'thread', 'track', 'simulate', 'replay', 'fit_rod'} <= long
+    assert {name for name in long if 'deadline' not in taking[name]} == set()

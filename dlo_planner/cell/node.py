@@ -14,7 +14,6 @@ comes late, but nothing else happens than if it were in time. With `clock` the p
 /clock, for nodes with use_sim_time: it goes on as fast as this machine can, and never gets lost.
 """
 
-import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -47,6 +46,7 @@ from dlo_planner.cell.robot import Robot
 from dlo_planner.cell.tasks import draw_task
 from dlo_planner.errors import DloPlannerError, NotConverged
 from dlo_planner.model.pose import Pose
+from dlo_planner.signals import end_at_once, heard, ignore
 from msg_helpers.clouds import cloud_msg
 from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
 from msg_helpers.poses import pose_from_stamped, pose_stamped_msg
@@ -273,20 +273,22 @@ def _stamp(nanoseconds: float) -> Time:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the cell until it is interrupted; return the exit status."""
+    end_at_once()
     # its own handlers would end the context while the plant's thread publishes
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     node = None
     try:
         node = CellNode()
-        while True:  # a wait without an end would not hear signals
+        signals = heard()
+        while not signals:  # a wait without an end would not hear signals
             rclpy.spin_once(node, timeout_sec=_HEARD)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
     except DloPlannerError as error:
         print(f'dlo_cell: cannot start: {error}', file=sys.stderr)
         return 1
     finally:
+        ignore()
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()

@@ -56,6 +56,7 @@ from dlo_planner.settings.build import (
 from dlo_planner.settings.looks import UNITS, read_observations
 from dlo_planner.settings.tasks import plan_task, read_task
 from dlo_planner.settings.yaml_files import write_values
+from dlo_planner.signals import leave_to_parent
 from dlo_planner.verify.replay import replay as replayed
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.summary import rod_line, rows_of
@@ -476,7 +477,8 @@ def map_cutouts(dlo: Described, outputs: tuple[Path, ...], jobs: int, axis: str,
     places = np.stack(np.meshgrid(ranges['x'], ranges['y'], ranges['z'], indexing='ij'), axis=-1)
     grid = CellGrid(places.reshape(-1, 3), ranges['directions'], ranges['radii'])
     workers = None if jobs == 1 else partial(ProcessPoolExecutor, jobs,
-                                             mp_context=get_context('forkserver'))
+                                             mp_context=get_context('forkserver'),
+                                             initializer=leave_to_parent)
     depths = np.linspace(0.0, values['threading.deepest'] * direct.rod.length,
                          values['threading.waypoints'])
     with Bar('cut-outs') as bar:

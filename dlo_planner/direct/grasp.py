@@ -66,11 +66,13 @@ class GraspedInside(Value):
     def __repr__(self) -> str:
         return brief(self, f'at {self.at:.4g} m', figures(self.rod))
 
-    def solve(self, gripper: Pose, initial: Shape | None = None) -> Shape:
+    def solve(self, gripper: Pose, initial: Shape | None = None, *,
+              deadline: float | None = None) -> Shape:
         """Return the stable Shape, s from end to end; arguments as `DirectSimulator.solve`."""
         before = (None, None) if initial is None else _parts_of(initial)
-        back, on = (part.solve(pose, shape) for part, pose, shape in
-                    zip(self._parts, _both(gripper), before, strict=True))
+        with interrupted_by(Progress(deadline=deadline).check):
+            back, on = (part.solve(pose, shape) for part, pose, shape in
+                        zip(self._parts, _both(gripper), before, strict=True))
         return _joined(gripper, back, on)
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,

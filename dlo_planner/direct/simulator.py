@@ -292,7 +292,8 @@ class DirectSimulator(Value):
             _discretization=self._discretization.within(surroundings))
 
     def solve(self, gripper: Pose, initial: Shape | None = None, *,
-              far_end: FarEnd | Pose | ArrayLike | None = None) -> Shape:
+              far_end: FarEnd | Pose | ArrayLike | None = None,
+              deadline: float | None = None) -> Shape:
         """Return the stable Shape that the DLO falls into.
 
         Parameters
@@ -307,12 +308,17 @@ class DirectSimulator(Value):
         far_end : FarEnd or Pose or array_like, optional
             Pose that clamps the far end, position (3,) that pins it, or FarEnd. If None, the far
             end is free.
+        deadline : float, optional
+            Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
 
         Returns
         -------
         Shape
             `converged` is False if no equilibrium was found; that raises no exception.
         """
+        if deadline is not None:
+            with interrupted_by(Progress(deadline=deadline).check):
+                return self.solve(gripper, initial, far_end=far_end)
         far_end = FarEnd.of(far_end)
         self._check(gripper, initial, far_end)
         try:

@@ -40,6 +40,7 @@ class Cause(IntEnum):
     INVALID_POINTS = 109, ('`observed_points` has no x, y, z, or too few points, or a stamp of '
                            'another time')
     NOTHING_SEEN = 110, '`identify` before anything of the DLO was seen'
+    TOO_MANY_CALLS = 111, 'so many calls wait before this one that it was not looked at'
     INFEASIBLE = 200, 'no plan keeps all demands, for another reason than the next ones'
     UNSTABLE = 201, 'a waypoint has no stable shape'
     WORKSPACE = 202, 'the gripper would leave its workspace, or come into an obstacle'
@@ -76,7 +77,8 @@ class Cause(IntEnum):
     MISS_EXPECTED = 415, 'the observed DLO is not inside the cut-out with 95 %: it stops before it'
     NOT_ENABLED = 416, '`enable` is not true, or older than `execute.enable_timeout`'
     LIMITS = 417, 'the motion would exceed the limits of speed, acceleration or jerk'
-    OTHER_PLAN = 418, 'another plan has come since: name the one to be executed, by `execute_plan`'
+    OTHER_PLAN = 418, ('several nodes ask for plans, and another one has come since: name the one '
+                       'to be executed, by `execute_plan`')
     LOOKS_DISAGREE = 419, ('what is seen of the DLO does not agree with what was expected: it '
                            'stops, and goes back before the cut-out')
     INTERNAL = 500, 'an error of the node itself; the log has its place'

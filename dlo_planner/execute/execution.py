@@ -463,16 +463,28 @@ class Execution:
             return Cause.NOT_ENABLED, barred
         if self.phase != 'running' or feedback is None or self.command is None:
             return None
-        away = None
-        if guards.path_position or guards.path_angle:
-            away = self._off(guards.path_position, guards.path_angle, 'constraints.path',
-                             self._then(feedback, stamp))
+        away = self._left(feedback, stamp)
         if away is not None:
             return Cause.PATH_TOLERANCE, away
         if guards.path_shape and feedback.deviation > guards.path_shape:
             return (Cause.SHAPE_TOLERANCE, f'the DLO is {feedback.deviation:.3g} m from its plan: '
                     f'expected constraints.path.shape = {guards.path_shape:g} m at most')
         return None
+
+    def _left(self, feedback: Feedback, stamp: float) -> str | None:
+        """Return in words how the gripper has left its commands; None: it follows them.
+
+        With a horizon a robot follows the coming time, or single commands, which are behind where
+        this machine is late: whichever it is nearer to is what it follows.
+        """
+        commands = [self._then(feedback, stamp)]
+        if self.single is not None:
+            heard = feedback.arrived - feedback.age
+            commands.append(self.single._pose(self.single.done_at(heard)))
+        guards, here = self.guards, feedback.pose.position
+        found = [(np.inf if one is None else float(np.linalg.norm(one.position - here)), self._off(
+            guards.path_position, guards.path_angle, 'constraints.path', one)) for one in commands]
+        return None if None in (away for _, away in found) else min(found)[1]
 
     def _then(self, feedback: Feedback, now: float) -> Pose | None:
         """Return the command of the time at which the gripper was where it was heard.

@@ -94,7 +94,8 @@ class InverseSimulator(Value):
                      repr(self.workspace))
 
     def plan(self, task: Task, *, start: Pose | None = None, initial: Shape | None = None,
-             requirements: Requirements | None = None, progress: OnProgress = None) -> Plan:
+             requirements: Requirements | None = None, progress: OnProgress = None,
+             deadline: float | None = None) -> Plan:
         """Return the Plan of a task; the other methods are shorthands of this one.
 
         Parameters
@@ -109,6 +110,9 @@ class InverseSimulator(Value):
             Demands on the plan. If None, those of this simulator.
         progress : callable, optional
             Called as progress(done, total) after each waypoint.
+        deadline : float, optional
+            Seconds of computing after which DeadlineExceeded is raised. If None, those of the
+            requirements.
 
         Raises
         ------
@@ -120,11 +124,14 @@ class InverseSimulator(Value):
         NotConverged
             The search of a `Minimize` did not converge.
         DeadlineExceeded
-            The deadline of the requirements is over.
+            The deadline is over.
         """
         instance('task', task, Task)
         instance('requirements', requirements, Requirements, optional=True)
-        context = self._context(task, start, initial, requirements or self.requirements, progress)
+        demanded = requirements or self.requirements
+        if deadline is not None:
+            demanded = replace(demanded, deadline=number('deadline', deadline, above=0))
+        context = self._context(task, start, initial, demanded, progress)
         with interrupted_by(context.progress.check):
             return task.solve(context)
 
@@ -468,13 +475,12 @@ class InverseSimulator(Value):
     def _shorthand(self, task: Task, start: Pose | None, initial: Shape | None,
                    linear_speed: float, angular_speed: float, progress: OnProgress,
                    deadline: float | None) -> Plan:
-        more: dict[str, Any] = {'limits': replace(
+        limits = replace(
             self.requirements.limits,
             linear_speed=checked_speed('linear_speed', linear_speed, self.simulator.rod.length),
-            angular_speed=checked_speed('angular_speed', angular_speed))}
-        more['deadline'] = None if deadline is None else number('deadline', deadline, above=0)
-        return self.plan(task, start=start, initial=initial, progress=progress,
-                         requirements=replace(self.requirements, **more))
+            angular_speed=checked_speed('angular_speed', angular_speed))
+        return self.plan(task, start=start, initial=initial, progress=progress, deadline=deadline,
+                         requirements=replace(self.requirements, limits=limits))
 
     def _context(self, task: Task, start: Pose | None, initial: Shape | None,
                  requirements: Requirements, progress: OnProgress) -> PlanContext:

@@ -34,6 +34,7 @@ from dlo_planner.energy.potential import evaluate, project, unknowns_of
 from dlo_planner.energy.problem import (
     Configuration,
     Problem,
+    is_to_end,
     new_configuration,
     unknown_count,
     with_gripper,
@@ -81,6 +82,7 @@ from dlo_planner.plan.goal_rows import (
     fill_rows,
     goals_at,
 )
+from dlo_planner.progress import uninterrupted
 
 _LARGEST_TURN = 0.6  # rad per step, of the gripper and of any node
 _LARGEST_SHIFT = 0.5  # of the length per step, of the gripper
@@ -121,12 +123,13 @@ def free_axis(reference: Floats, direction: Floats) -> Floats:
 
 @kernel
 def solve_goals(system: Problem, q: Floats, nodes: Floats, goals: GoalTable, origin: Floats,
-                reach: Floats, tolerance: float, exact: float, max_iterations: int) -> Any:
+                reach: Floats, tolerance: float, exact: float, max_iterations: int,
+                worked: Floats) -> Any:
     """Find an equilibrium that has goals, or misses them least within reach (6,), rad and m.
 
     The gripper starts in the Problem's base, at origin (3,), which is moved; q (m, 3) are the
     unknowns, nodes (N + 1,) m. `exact`: what the goals may miss or, where they may be missed (a
-    finite reach), the last step in parts of it.
+    finite reach), the last step in parts of it. `worked` (1,): see `is_to_end`.
 
     Returned are state, positions from the gripper; base; arc lengths of the goals (g,), m;
     residual, stability (smallest eigenvalue of the Hessian), iterations, converged.
@@ -159,6 +162,8 @@ def solve_goals(system: Problem, q: Floats, nodes: Floats, goals: GoalTable, ori
     converged, polished = False, False
     iterations, negative, since = 0, 1, np.inf  # rad turned since factorized
     while True:
+        if is_to_end(worked, here, 3):  # with a factorization for four answers
+            return state, here.base, where, np.inf, -np.inf, iterations, False
         residual = residual_of(here, state)
         converged = residual < tolerance and error < exact
         done = converged and (polished or error < _POLISHED * exact)
@@ -421,6 +426,7 @@ def follow_goals(system: Problem, bases: Floats, strains: Floats, frames: Floats
     base, before = bases[1].copy(), bases[0].copy()
     u, earlier, known = strains[1].copy(), strains[0].copy(), frames.copy()
     now, place, q, found = origin.copy(), origin.copy(), np.empty((unknown_count(system), 3)), 0
+    worked = np.zeros(1)
     for k in range(count):
         wanted = goals_at(goals, s[k].copy())
         for g in range(wanted.kind.size if k else 0):
@@ -431,7 +437,7 @@ def follow_goals(system: Problem, bases: Floats, strains: Floats, frames: Floats
         _go_ahead(before, earlier, ahead[k], here.base, begin)
         unknowns_of(here, begin, q)
         state, after, there, residual, stability, iterations, converged = solve_goals(
-            here, q, nodes, wanted, place, reach, tolerance, exact, max_iterations)
+            here, q, nodes, wanted, place, reach, tolerance, exact, max_iterations, worked)
         if not converged or not stability > least:
             break
         after = orthonormal(after)
@@ -534,10 +540,10 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
     limits = np.full((3, len(s)), np.inf) if most is None else most
     least = least if reach is None else max(least, -NEUTRAL)
     within = np.repeat((np.inf, np.inf) if reach is None else reach, 3)
-    count, found, bases, where, axes, origins = follow_goals(
+    count, found, bases, where, axes, origins = uninterrupted(follow_goals(
         mesh.free, *pair, frames, np.array(origin), np.array([ahead, *further], dtype=float),
         mesh.s, goals, np.array(s), np.array(free), within, limits, float(least), watched,
-        TOLERANCE, _EXACT if reach is None else _STILL, _NEWTON_STEPS)
+        TOLERANCE, _EXACT if reach is None else _STILL, _NEWTON_STEPS))
     strains, rotations, positions, wrenches, numbers = found
     freeze((*found, bases))  # shapes have parts of them
     out = []

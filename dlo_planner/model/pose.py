@@ -161,7 +161,8 @@ class Pose(Value):
         y = (y[0] - along * a, y[1] - along * b, -along * c)
         norm = math.hypot(*y)
         d, e, f = (one / norm for one in y)
-        rotation = np.array([[a, d, b * f - c * e], [b, e, c * d - a * f], [c, f, a * e - b * d]])
+        rotation = 0.0 + np.array([  # of -0, which messages would show, 0
+            [a, d, b * f - c * e], [b, e, c * d - a * f], [c, f, a * e - b * d]])
         return pose_of(vector('Pose.position', position, 3), rotation)
 
     def compose(self, other: Pose) -> Pose:

@@ -85,7 +85,7 @@ class Estimator(Part):
 
     def _on_points(self, msg: PointCloud2) -> None:
         with self._turn, self.status.answering(
-                'observed_points', counter='clouds refused', told=False):
+                'observed_points', stamp=msg.header.stamp, counter='clouds refused', stream=True):
             self.statistics.count('clouds received')
             state, stamp = self.store.state, seconds_of(msg.header.stamp)
             observing = self._observing_of(state)
@@ -114,7 +114,8 @@ class Estimator(Part):
 
         What was seen of the DLO is forgotten with it: the camera's error is one of both.
         """
-        with self._turn, self.status.answering('observed_cutout', told=False):
+        with self._turn, self.status.answering(
+                'observed_cutout', stamp=msg.header.stamp, stream=True):
             state, stamp = self.store.state, seconds_of(msg.header.stamp)
             seen = pose_in(state.scene, msg, 'observed_cutout', self.frames).position
             observing, stated = self._observing_of(state), cutout_of(state)

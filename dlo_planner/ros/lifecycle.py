@@ -6,7 +6,8 @@ import traceback
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from functools import wraps
+from functools import partial, wraps
+from queue import SimpleQueue
 from threading import Condition, Thread
 from time import sleep
 from typing import Any
@@ -30,12 +31,15 @@ LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 REQUEST = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 # None of them may be lost, however fast they come: each changes the scene a little.
 CHANGES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+# Requests to a service: what exceeds the depth is lost, and its caller waits for good.
+CALLS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # Of one who hears what is latched and wants each message, however late it is taken.
 ALL_LATCHED = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE,
                          durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
+MOST_CALLS = 100      # that wait for one thread: more would wait for minutes, and are refused
 _PAUSE = 1e-4         # s
 _WAIT = 250_000_000   # ns between looks whether a subscription is still there
 _LOOK = 0.5           # s between looks whether somebody latches
@@ -66,6 +70,54 @@ class _Nobodys(MutuallyExclusiveCallbackGroup):
     def can_execute(self, entity: Any) -> bool:
         """Whether an executor may: never."""
         return False
+
+
+class Desk:
+    """Answers the calls of some services one after the other, in a thread of its own.
+
+    The executor takes requests as they come, in `group`, however long one is worked on. `refuse`
+    takes name, request and response of one that is too many, and returns its answer.
+    """
+
+    def __init__(self, group: Any, refuse: Callable[[str, Any, Any], Any]) -> None:
+        self.group, self._refuse = group, refuse
+        self._waiting: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
+        Thread(target=self._work, name='desk', daemon=True).start()
+
+    def serve(self, service: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
+        """Answer the calls of a service, whose callback hands them on, by another callback."""
+        send = service.send_response
+
+        def take(call: tuple[Any, Any], header: Any) -> None:
+            crowded = self._waiting.qsize() >= MOST_CALLS
+            answer = partial(_answer, send, header, partial(self._refuse, name)
+                             if crowded else callback, *call)
+            if crowded:
+                answer()
+            else:
+                self._waiting.put(answer)
+
+        service.send_response = take
+
+    def close(self) -> None:
+        """End the thread, once it has answered what waits."""
+        self._waiting.put(None)
+
+    def _work(self) -> None:
+        while (answer := self._waiting.get()) is not None:
+            answer()
+
+
+def _answer(send: Callable[[Any, Any], object], header: Any, callback: Callable[[Any, Any], Any],
+            request: Any, response: Any) -> None:
+    """Answer a call, unless its service, or who has asked, has gone."""
+    rclpy = rclpy_implementation
+    with suppress(rclpy.InvalidHandle, rclpy.RCLError):
+        send(callback(request, response), header)
+
+
+def _hand_on(request: Any, response: Any) -> tuple[Any, Any]:
+    return request, response
 
 
 class Once:
@@ -148,10 +200,15 @@ class Entities:
             clock=Clock(clock_type=ClockType.STEADY_TIME)))
 
     def add_service(self: Any, kind: Any, name: str, callback: Callable[..., Any],
-                    group: Any) -> Any:
-        """Return a service."""
-        return self._keep(self.destroy_service, self.create_service(
-            kind, name, self.counted(callback, refusal=_inactive), callback_group=group))
+                    at: Any) -> Any:
+        """Return a service, in a callback group, or at a Desk: one that takes long."""
+        counted = self.counted(callback, refusal=_inactive)
+        desk = at if isinstance(at, Desk) else None
+        made = self.create_service(kind, name, _hand_on if desk else counted, qos_profile=CALLS,
+                                   callback_group=desk.group if desk else at)
+        if desk is not None:
+            desk.serve(made, name.removeprefix('~/'), counted)
+        return self._keep(self.destroy_service, made)
 
     @property
     def is_open(self) -> bool:
@@ -229,6 +286,11 @@ class LifecycleNode(Entities, LifecycleNodeMixin, Node):
                       automatically_declare_parameters_from_overrides=True, **options)
         Entities.__init__(self)
         self.lifecycle_state = 'starting'
+
+    @property
+    def known_as(self) -> str:
+        """Its name on /diagnostics and in each status, with its namespace: `cell1/dlo_planner`."""
+        return str(self.get_fully_qualified_name()).lstrip('/')
 
     def show(self) -> None:
         """Make the services of parameters and of the lifecycle."""

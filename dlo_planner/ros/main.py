@@ -22,9 +22,9 @@ from threading import enumerate as enumerate_threads
 from typing import Any
 
 from dlo_planner.blas import one_thread_of_blas
+from dlo_planner.signals import NUMBERS, ignore
 
 _IN_MEMORY = Path('/dev/shm')  # a container has it though all else is read-only
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _STOPPING = 5.0  # s for a motion to decelerate, at most
 _GRACE = 1.0     # s for everything else
 _HEAR = 0.2      # s between looks at signals that another thread took
@@ -64,13 +64,12 @@ class Process:
 
     def run(self) -> int:
         """Run until a signal or an error; call it in the main thread."""
-        for number in _SIGNALS:
+        for number in NUMBERS:
             signal.signal(number, lambda number, _: self._news.put(number))
         self._worker.start()
         asked = self._next() is not None
         ended = self._end()
-        for number in _SIGNALS:  # one more Ctrl-C must not spoil the end of the interpreter
-            signal.signal(number, signal.SIG_IGN)
+        ignore()
         status = 0 if asked or self._error is None else self._explain(self._error)
         sys.stdout.flush()
         sys.stderr.flush()

@@ -23,7 +23,7 @@ from dlo_planner.model.rod import doubts
 from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.estimate import Estimator
 from dlo_planner.ros.inputs import Frames
-from dlo_planner.ros.lifecycle import LATCHED, REQUEST, LifecycleNode
+from dlo_planner.ros.lifecycle import LATCHED, REQUEST, Desk, LifecycleNode
 from dlo_planner.ros.markers import MarkerCache
 from dlo_planner.ros.plan import PlanningServer
 from dlo_planner.ros.predict import ShapePredictor
@@ -48,7 +48,7 @@ __all__ = ['THREADS', 'PlannerNode']
 # Of each group one callback runs at a time; a thread for each, of the lifecycle, of tf, the default
 # one. rclpy takes the timers and topics of a group before its services, which would wait for good
 # where those come quicker than they are done: no service shares a group with a topic.
-_GROUPS = ('topics', 'tasks', 'looks', 'planning', 'asking', 'control', 'commands')
+_GROUPS = ('topics', 'tasks', 'looks', 'requests', 'control', 'commands')
 THREADS = len(_GROUPS) + 3
 _RESTING = 4.5  # s in which a motion may come to rest when the node is told to end
 _ENDING = 2.0   # s in which callbacks that run may end then
@@ -119,14 +119,17 @@ class PlannerNode(LifecycleNode):
         self.shared = shared = Shared(self, store, statistics, Status(self, store, statistics),
                                       markers, Frames(self))
         group = {name: MutuallyExclusiveCallbackGroup() for name in _GROUPS}
+        # what takes long has a thread of its own for its calls, which are taken as they come
+        self.desks = planning, asking = [
+            Desk(group['requests'], shared.status.crowded) for _ in range(2)]
         arm = ArmOutput(self, group['topics'])
         self.scene_monitor = SceneMonitor(shared, group['topics'])
-        self.estimator = Estimator(shared, group['looks'], group['asking'])
-        self.predictor = ShapePredictor(shared, group['control'], group['asking'],
+        self.estimator = Estimator(shared, group['looks'], asking)
+        self.predictor = ShapePredictor(shared, group['control'], asking,
                                         self.estimator.gripper)
         self.proof_server = ProofServer(shared, self._prover, arm)
         self.planning_server = PlanningServer(shared, self.proof_server.look, group['tasks'],
-                                              group['planning'])
+                                              planning)
         self.streamer = TrajectoryStreamer(shared, self.planning_server, self.estimator.observing,
                                            self._looping, group['commands'], group['control'])
 
@@ -168,6 +171,8 @@ class PlannerNode(LifecycleNode):
         for one in (self.predictor, self.proof_server, self.scene_monitor, self.shared.markers,
                     self.shared.frames):
             one.close()
+        for desk in self.desks:
+            desk.close()
         self.destroy_entities()
         self.shared = None
 
@@ -201,7 +206,7 @@ class PlannerNode(LifecycleNode):
         self._diagnostics_out.publish(self._diagnostics())
 
     def _diagnostics(self) -> DiagnosticArray:
-        shared, name, stamp = self.shared, self.get_name(), self.get_clock().now().to_msg()
+        shared, name, stamp = self.shared, self.known_as, self.get_clock().now().to_msg()
         if shared is None or self.lifecycle_state != 'active':
             text = {'starting': 'starting: the solver is being loaded'}.get(
                 self.lifecycle_state, f'not active: {self.lifecycle_state}')
@@ -248,12 +253,18 @@ def descriptor(entry: ParameterSpec) -> ParameterDescriptor:
 def declare(node: Any) -> None:
     """Declare all parameters with the values given at the start; warn of those that do not exist.
 
-    A DLO that is described in part is refused. Whole numbers in YAML are taken for doubles where
+    A DLO that is described in part is refused; where nothing is said of it, it is that of the
+    launch file, as a warning says. Whole numbers in YAML are taken for doubles where
     doubles are due.
     """
     given = take_overrides(node)
     section = str(given.get('rod.section', PARAMETERS['rod.section'].default))
-    check_described(given, section)
+    if any(name.startswith('rod.') for name in given):
+        check_described(given, section)
+    else:
+        node.get_logger().warning(
+            'no parameter under rod. is given: the DLO is a copper wire, 1 m long and 1 mm thick; '
+            'expected those of yours, by --params-file (config/ has files of some)')
     for warning in idle_warnings(given, section):
         node.get_logger().warning(warning)
     for name, entry in PARAMETERS.items():

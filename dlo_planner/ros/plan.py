@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from threading import Lock
@@ -17,12 +18,13 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Goals, Path
 from nav_msgs.srv import GetPlan
+from rclpy.node import NodeNameNonExistentError
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.errors import DeadlineExceeded, InvalidTask
-from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.errors import DeadlineExceeded, DloPlannerError, Infeasible, InvalidTask
+from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of, threading_of
 from dlo_planner.model.cutout import CutOut
@@ -50,6 +52,9 @@ T = TypeVar('T')
 _SERVICES = {'plan': None, 'plan_threading': 'Thread', 'plan_insertion': 'Insert',
              'plan_hold_contact': 'HoldContact', 'plan_slide_contact': 'SlideContact',
              'plan_sequence': 'ThreadSequence'}
+_ASKED = (*_SERVICES, 'plan_two_cutouts', 'replan')
+_HEARD = ('task', 'task_goal', 'task_goals')
+_TERMINAL = 'a terminal'  # each command of ros2 is a node of its own
 _BY_DEFAULT: Mapping[str, Any] = {'Thread': {'type': 'Thread'}, 'Insert': {'type': 'Insert'}}
 
 
@@ -85,6 +90,23 @@ class PlanningServer(Part):
     def allow(self) -> None:
         """Let plans begin again."""
         self._ended = ''
+
+    def askers(self) -> frozenset[str]:
+        """Return the names of the other nodes that can ask for plans now: who does is not told."""
+        node, found = self.node, set[str]()
+        doors = {node.resolve_service_name(f'~/{name}') for name in _ASKED}
+        doors |= {node.resolve_topic_name(f'~/{name}') for name in _HEARD}
+        seen = Counter(node.get_node_names_and_namespaces())
+        for (name, namespace), number in seen.items():
+            full = f'{namespace.rstrip("/")}/{name}'
+            with suppress(NodeNameNonExistentError):  # it has gone
+                opened = {door for door, _ in (
+                    *node.get_client_names_and_types_by_node(name, namespace),
+                    *node.get_publisher_names_and_types_by_node(name, namespace))}
+                if full != node.get_fully_qualified_name() and opened & doors:
+                    called = _TERMINAL if name.startswith('_ros2cli') else full
+                    found |= {f'{called} ({k + 1})' if k else called for k in range(number)}
+        return frozenset(found)
 
     # ---- requests ---------------------------------------------------------------------------
 
@@ -169,7 +191,7 @@ class PlanningServer(Part):
               miss: float | None = None) -> Path:
         """Plan, publish and return the trajectory of the tool frame as a Path."""
         self.store.change(lambda now: replace(now, task=task))
-        begun = monotonic()
+        begun, askers = monotonic(), self.askers()
         if state.scene.grasped is not None:
             raise Refused(Cause.INVALID_PARAMETER, 'parameter rod.grasped_at = '
                           f'{state.scene.grasped.at:g}: expected 0 for a plan: of a DLO that is '
@@ -179,10 +201,11 @@ class PlanningServer(Part):
                           'far_end.hold = free, or no pose, for a plan')
         plan, before = self._interruptible(
             state.scene['threading.planning_deadline'],
-            lambda: make_plan(state.scene, task, start, state.shape, miss))
+            lambda: explained(partial(make_plan, state.scene, task, start, state.shape, miss)))
         seconds = monotonic() - begun
         scene, stamp = state.scene, self.node.get_clock().now().to_msg()
-        made = PlanResult(scene, plan, before, stamp, task, outcome.stamp)
+        made = PlanResult(scene, plan, before, stamp, task, outcome.stamp,
+                          askers | self.askers())
         self.store.change(lambda now: now.with_plan(made))
         path = tool_path(made)
         self._out.publish(path)
@@ -227,6 +250,19 @@ class PlanningServer(Part):
             raise deadline_refusal(error) from None
         finally:
             self._job = None
+
+
+def explained(make: Callable[[], T]) -> T:
+    """Return what `make` does; where that is infeasible, say what is known of why."""
+    try:
+        return make()
+    except Infeasible as error:
+        known = ''
+        with suppress(DloPlannerError):  # whoever has no more time for it hears the rest
+            known = error.certificate
+        if not known:
+            raise
+        raise Refused(cause_of(error), f'{error}: {known}') from error
 
 
 def deadline_refusal(error: DeadlineExceeded) -> Refused:

@@ -22,7 +22,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import GRIPS, FarEnd
 from dlo_planner.progress import Latest
 from dlo_planner.ros.inputs import inside_of, pose_in
-from dlo_planner.ros.lifecycle import LATCHED, LATEST
+from dlo_planner.ros.lifecycle import LATCHED
 from dlo_planner.ros.plan import refuse_tolerance
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import State
@@ -68,7 +68,7 @@ class ShapePredictor(Part):
         self._follows, self._closed = follows, False
         self._out = node.add_publisher(Path, '~/predicted_shape', LATCHED)
         self._wrench_out, self._far_wrench_out = (
-            node.add_publisher(WrenchStamped, f'~/{name}', LATEST)
+            node.add_publisher(WrenchStamped, f'~/{name}', LATCHED)
             for name in ('gripper_wrench', 'far_end_wrench'))
         node.add_newest(PoseStamped, '~/far_end_pose', self._on_far_end)
         node.add_newest(PoseStamped, '~/gripper_pose', self._on_pose)
@@ -137,11 +137,10 @@ class ShapePredictor(Part):
 
     def _send_wrenches(self, scene: Scene, shape: Shape, stamp: Time) -> None:
         """Publish what the DLO does to the gripper and to what holds its far end."""
-        if self._wrench_out.get_subscription_count():
-            sensor = shape.gripper.compose(scene.tool.inverse())
-            self._wrench_out.publish(wrench_msg(wrench_in(
-                sensor, shape.gripper, -shape.gripper_wrench), scene['tool.frame_id'], stamp))
-        if shape.far_end is not None and self._far_wrench_out.get_subscription_count():
+        sensor = shape.gripper.compose(scene.tool.inverse())
+        self._wrench_out.publish(wrench_msg(wrench_in(
+            sensor, shape.gripper, -shape.gripper_wrench), scene['tool.frame_id'], stamp))
+        if shape.far_end is not None:
             end = Pose.from_rotation(shape.positions[-1], shape.frames[-1])
             self._far_wrench_out.publish(wrench_msg(wrench_in(
                 shape.far_end.pose, end, -shape.far_wrench), scene['far_end.frame_id'], stamp))

@@ -43,6 +43,7 @@ class PlanResult:
     stamp: Time           # of the messages that carry it
     task: Task
     asked: Time           # of the request for it
+    askers: frozenset[str] = frozenset()  # the nodes that may have asked for it
 
     def is_as(self, other: PlanResult) -> bool:
         """Whether another plan is as good as the same one: the same way, in the same scene."""
@@ -108,6 +109,7 @@ class State:
     looking: Looking | None = None      # how that stands, if it is in a closed loop
     latest: PlanResult | None = None    # the last plan that was made, valid or not
     others: int = 0  # plans made since an execution began that differ from the one before
+    askers: frozenset[str] = frozenset()  # the nodes that may have asked for them
     enabled: Enabled | None = None      # what was heard last of whether the gripper may move
 
     @property
@@ -185,7 +187,8 @@ class State:
             raise Refused(Cause.SCENE_CHANGED, 'obstacles or parameters changed while the plan was '
                           'made: ask again')
         others = self.others + (self.latest is None or not made.is_as(self.latest))
-        return replace(self, planned=made, proof=Proof(made.plan), latest=made, others=others)
+        return replace(self, planned=made, proof=Proof(made.plan), latest=made, others=others,
+                       askers=self.askers | made.askers)
 
     def with_proof(self, proof: Proof) -> State:
         """Return the State with a Proof, if it is of the last plan."""
@@ -195,9 +198,10 @@ class State:
 
     # ---- execution --------------------------------------------------------------------------
 
-    def started(self, now: float, wanted: Time | None = None) -> State:
-        """Return the State in which the last plan is executed, from `now` s on."""
-        proved = ready(self, now, wanted)
+    def started(self, now: float, wanted: Time | None = None,
+                askers: frozenset[str] = frozenset()) -> State:
+        """Return the State in which the last plan is executed, from `now` s on; see `ready`."""
+        proved = ready(self, now, wanted, askers)
         assert self.planned is not None and self.feedback is not None  # `ready` looks at both
         scene = self.planned.scene
         way, begin = blend_from_current_pose(
@@ -212,7 +216,7 @@ class State:
                               scene.period, self.scene['execute.horizon'], scene.limits,
                               begin=begin, done=begin)
         return replace(self, execution=execution, running=self.planned, looking=None,
-                       latest=None, others=0)
+                       latest=None, others=0, askers=frozenset())
 
     def after_loop_tick(self, before: Execution | None, execution: Execution,
                         looking: Looking) -> State:
@@ -282,13 +286,18 @@ def carried(shape: Shape | None, before: Scene, after: Scene) -> Shape | None:
     return replace(shape, state=replace(shape.state, history=None))
 
 
-def ready(state: State, now: float, wanted: Time | None = None) -> TimedPath:
-    """Return the Trajectory to be executed: the one that was proved."""
+def ready(state: State, now: float, wanted: Time | None = None,
+          askers: frozenset[str] = frozenset()) -> TimedPath:
+    """Return the Trajectory to be executed: the one that was proved.
+
+    `wanted` is the stamp of the plan that is meant, None: the last one; `askers` are the nodes that
+    can ask for plans now.
+    """
     if state.executing:
         raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or ~/cancel')
     if state.planned is None:
         raise Refused(Cause.NO_PLAN, f'there is no plan: {state.no_plan}')
-    _meant(state, state.planned, wanted)
+    _meant(state, state.planned, wanted, askers)
     proof = state.proof
     assert proof is not None  # every plan has one
     if not proof.safe:
@@ -312,11 +321,17 @@ def ready(state: State, now: float, wanted: Time | None = None) -> TimedPath:
     return way
 
 
-def _meant(state: State, made: PlanResult, wanted: Time | None) -> None:
-    """Refuse to execute a plan that may be another one than is meant."""
-    if wanted is None and state.others > 1:
+def _meant(state: State, made: PlanResult, wanted: Time | None, askers: frozenset[str]) -> None:
+    """Refuse to execute a plan that may be another one than is meant.
+
+    Who calls a service ROS does not tell. Where one node alone could ask since an execution began,
+    the last plan is the one that it was answered with.
+    """
+    known = state.askers | askers
+    if wanted is None and state.others > 1 and len(known) != 1:
+        who = f'by one of {", ".join(sorted(known))}' if known else 'and it is not known by whom'
         raise Refused(Cause.OTHER_PLAN, f'{state.others} different plans were made since an '
-                      f'execution began, the last one stamped {stamp_text(made.stamp)}: '
+                      f'execution began, {who}; the last one is stamped {stamp_text(made.stamp)}: '
                       'expected the one that is meant to be named, by ~/execute_plan')
     if wanted is not None and wanted != made.stamp:
         raise Refused(Cause.OTHER_PLAN, f'the plan stamped {stamp_text(wanted)} is not the last '

@@ -17,10 +17,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DloPlannerError
-from dlo_planner.execute.causes import Cause, cause_of
+from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.identify.correction import Correction
 from dlo_planner.ros.inputs import Frames, brief_text, named
-from dlo_planner.ros.lifecycle import LATCHED, LifecycleNode
+from dlo_planner.ros.lifecycle import LATCHED, MOST_CALLS, LifecycleNode
 from dlo_planner.ros.markers import MarkerCache
 from dlo_planner.ros.state import Proof, Store
 from dlo_planner.verify.report import ValidationReport
@@ -155,8 +155,12 @@ class Status:
 
     @contextmanager
     def answering(self, what: str, *, stamp: Time | None = None, answer: Any = None,
-                  counter: str | None = None, told: bool = True) -> Iterator[Outcome]:
-        """Let no exception out of a callback: refuse with a reason, keep the last good output."""
+                  counter: str | None = None, told: bool = True,
+                  stream: bool = False) -> Iterator[Outcome]:
+        """Let no exception out of a callback: refuse with a reason, keep the last good output.
+
+        Of a `stream` of messages a refusal alone is told, as often as it is written.
+        """
         if told and stamp is None:
             stamp = self._node.get_clock().now().to_msg()
         outcome = Outcome(stamp)
@@ -166,15 +170,15 @@ class Status:
             cause, reason = self._refusal(what, error)
             if counter is not None:
                 self._statistics.count(counter)
-            self.failed(what, cause, reason)
-            if told:
+            written = self.failed(what, cause, reason)
+            if told and (written or not stream):
                 self.tell(what, cause, reason, stamp)
         else:
             cause, warning = Cause.DONE, outcome.warning
             reason = '; '.join(filter(None, (outcome.message, warning)))
             if warning:
                 self.warn(what, f'{what}: {warning}')
-            if told:
+            if told and not stream:
                 self.tell(what, cause, reason, stamp, outcome.values, bool(warning))
         if answer is not None:
             answer.success, answer.message = cause == Cause.DONE, reason
@@ -192,27 +196,40 @@ class Status:
                                        _MOST_TRACED))
         return cause, brief_text(f'{what} failed: {type(error).__name__}: {error}')
 
+    def crowded(self, what: str, request: Any, response: Any) -> Any:
+        """Refuse a call, since too many wait before it; return its answer."""
+        stamps = [getattr(request, name).header.stamp for name in ('goal', 'start')
+                  if hasattr(request, name)]
+        given = (stamp for stamp in stamps if stamp.sec or stamp.nanosec)
+        with self.answering(what, stamp=next(given, None),
+                            answer=response if hasattr(response, 'message') else None):
+            raise Refused(Cause.TOO_MANY_CALLS, f'{MOST_CALLS} calls wait before this one: '
+                          'expected it when some of them are answered')
+        return response
+
     def tell(self, what: str, cause: Cause, message: str, stamp: Time | None,
              values: Mapping[str, object] | None = None, warns: bool = False) -> None:
         """Publish the outcome of a request on ~/status."""
         level = ERROR if cause == Cause.INTERNAL else (
             OK if cause == Cause.DONE and not warns else WARN)
         self._out.publish(status_msg(
-            f'{self._node.get_name()}: {what}', self._store.state.scene['rod.name'], level,
+            f'{self._node.known_as}: {what}', self._store.state.scene['rod.name'], level,
             message, {'request': what, 'stamp': stamp_text(stamp), 'code': int(cause),
                       'cause': cause.name, **(values or {})}))
 
-    def failed(self, what: str, cause: Cause, reason: str) -> None:
-        """Take a refusal or failure to diagnostics and, at most once a second, to the log."""
+    def failed(self, what: str, cause: Cause, reason: str) -> bool:
+        """Take a refusal or failure to diagnostics and the log; return whether it is written."""
         self._statistics.failed(reason)
-        self.warn((what, cause), reason)
+        return self.warn((what, cause), reason)
 
-    def warn(self, key: object, text: str) -> None:
-        """Write a warning, at most once a second of each kind."""
+    def warn(self, key: object, text: str) -> bool:
+        """Write a warning, at most once a second of each kind; return whether it is written."""
         now = monotonic()
-        if now - self._written.get(key, -np.inf) >= _QUIET:
-            self._written[key] = now
-            self._log.warning(' '.join(brief_text(text).split()))
+        if now - self._written.get(key, -np.inf) < _QUIET:
+            return False
+        self._written[key] = now
+        self._log.warning(' '.join(brief_text(text).split()))
+        return True
 
     def info(self, text: str) -> None:
         """Write a line."""

@@ -290,9 +290,10 @@ class TrajectoryStreamer(Part):
                 refuse_tolerance(request, 'execute_plan')
             observing = self._observing(now)
             loops: list[ClosedLoopDrive | None] = []
+            askers = self._planning.askers()
 
             def started(now: State) -> State:
-                now = now.started(monotonic(), wanted)
+                now = now.started(monotonic(), wanted, askers)
                 loops[:] = [closed_loop_of(now, observing, self._worker)]
                 return now if loops[0] is None else loops[0].begun(now)
 
@@ -396,7 +397,7 @@ class TrajectoryStreamer(Part):
 
     def _tell(self, execution: Execution | None) -> None:
         self._told, self._told_of = monotonic(), '' if execution is None else execution.phase
-        name, state = f'{self.node.get_name()}: execution', self.store.state
+        name, state = f'{self.node.known_as}: execution', self.store.state
         level, message, values = described(execution, state.looking)
         self._out.publish(status_msg(name, state.scene['rod.name'], level, message, values))
 

@@ -17,12 +17,14 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
+from dlo_planner.signals import end_at_once, heard, ignore
 from dlo_planner.view.pages import Actions, LivePage
 from dlo_planner.view.primitives import Primitive
 from dlo_planner.view.viser import LOCAL, PORT, Page, margin_values
@@ -32,6 +34,7 @@ from msg_helpers.poses import pose_from_msg, pose_stamped_msg
 _PARAMETERS = {'planner': '/dlo_planner', 'frame_id': 'world', 'host': LOCAL, 'port': PORT,
                'allow_execute': False, 'rate': 30.0}
 _SENT = 0.05    # s between poses of the dragged gripper
+_HEARD = 0.2    # s, after which a signal is heard at the latest
 _FASTEST = 100.0  # pictures per second
 
 
@@ -91,10 +94,9 @@ class Viewer(Node):
                                 if marker.header.frame_id), self._frame)
 
     def _on_diagnostics(self, msg: DiagnosticArray) -> None:
-        full = self._planner.lstrip('/')
-        own = {f'{name}: solver' for name in (full, full.rsplit('/', 1)[-1])}
+        own = f'{self._planner.lstrip("/")}: solver'
         for status in msg.status:
-            if status.name.lstrip('/') in own:
+            if status.name == own:
                 values = {item.key: item.value for item in status.values}
                 self.page.put_state('planner', _level(status), status.message)
                 if 'report' in values:
@@ -179,17 +181,21 @@ def _level(status: DiagnosticStatus) -> int:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the viewer until SIGINT or SIGTERM; return the exit status."""
-    rclpy.init(args=args)
+    end_at_once()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     node = None
     try:
         node = Viewer()
-        rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
+        signals = heard()
+        while not signals:  # a wait without an end would not hear signals
+            rclpy.spin_once(node, timeout_sec=_HEARD)
+    except ExternalShutdownException:
         pass
     except (DloPlannerError, ModuleNotFoundError, OSError, ParameterException) as error:
         print(f'viewer: cannot start: {error}', file=sys.stderr)
         return 1
     finally:
+        ignore()
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()

@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.progress import Progress, interrupted_by
+from dlo_planner.signals import held_back, let_through
 
 T = TypeVar('T')
 
@@ -104,10 +105,11 @@ class Worker:
             elif self._process is None or self._process.poll() is not None:
                 self._pipe, theirs = Pipe()
                 # a session of its own: an interrupt from the keyboard is the node's business
-                self._process = Popen(
-                    [sys.executable, '-m', __name__, str(theirs.fileno())],
-                    pass_fds=[theirs.fileno()], start_new_session=True,
-                    env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))})
+                with held_back():  # while it imports it could not hear that it is not wanted
+                    self._process = Popen(
+                        [sys.executable, '-m', __name__, str(theirs.fileno())],
+                        pass_fds=[theirs.fileno()], start_new_session=True,
+                        env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))})
                 theirs.close()
 
     def close(self) -> None:
@@ -172,6 +174,7 @@ def main() -> None:
     """Answer calls until the pipe, or the process at its other end, ends."""
     calls, pipe = _Calls(), Connection(int(sys.argv[1]))
     signal.signal(signal.SIGINT, calls.interrupt)
+    let_through()
     Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:

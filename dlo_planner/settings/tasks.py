@@ -33,7 +33,7 @@ from dlo_planner.model.plain_poses import pose_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, concatenate
 from dlo_planner.plan.waypoint import Waypoint
-from dlo_planner.progress import OnProgress
+from dlo_planner.progress import OnProgress, Progress, interrupted_by
 from dlo_planner.settings.build import Values, limits_of, tolerance_of
 from dlo_planner.settings.yaml_files import load_yaml, yaml_of
 
@@ -195,12 +195,18 @@ def plan_task(inverse: InverseSimulator, task: Task, values: Values, *,
 
     `start` and `initial` are where gripper and DLO are now, where that is known. With a standoff, a
     threading begins there, and what touches comes straight down from there. A plan of one pose
-    begins there, too.
+    begins there, too. `deadline`: of all of it, s.
     """
+    with interrupted_by(Progress(deadline=deadline).check):
+        return _plan(inverse, task, values, start, initial, miss, progress)
+
+
+def _plan(inverse: InverseSimulator, task: Task, values: Values, start: Pose | None,
+          initial: Shape | None, miss: float | None, progress: OnProgress) -> Plan:
     length, standoff = inverse.simulator.rod.length, values['threading.standoff']
     task = _with_depths(task, values, length)
     options: dict[str, Any] = {'progress': progress, 'requirements': replace(
-        inverse.requirements, deadline=deadline, limits=limits_of(values), tolerance=miss)}
+        inverse.requirements, limits=limits_of(values), tolerance=miss)}
     if isinstance(task, HoldContact | SlideContact) and standoff and start is not None:
         return inverse.check(concatenate(*way_onto(
             inverse, task, start, standoff if standoff > 0 else STANDOFF * length,

@@ -320,7 +320,7 @@ def good_arguments():
     return {
         joint_trajectory: {'trajectory': timed(way(ur5().pose(UR5_READY), (0, 0.02, 0))),
                            'arm': ur5(), 'tool': Pose.identity(), 'current': UR5_READY,
-                           'free_roll': False, 'deadline': 5.0},
+                           'free_roll': False, 'deadline': 1e9},
         rolls_freely: {'simulator': DirectSimulator(ROUND), 'plan': values()['Plan']},
         JointTrajectory: {'joint_names': ('a', 'b'), 'times': times, 'roll': 0.3,
                           **dict.fromkeys(('positions', 'velocities', 'accelerations'),

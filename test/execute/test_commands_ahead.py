@@ -95,6 +95,42 @@ def test_a_machine_that_is_late_delays_nothing():
     assert line.execution.stall_displacement == 0
 
 
+class Single(Line):
+    """The same machine, and a robot that follows its single commands some time later."""
+
+    def tick(self, now):
+        before = self.execution
+        self.execution = before.tick(now, Feedback(self.there, now, stamp=self.clock(now)),
+                                     self.clock(now))
+        if self.execution.sending is not None:
+            self.coming.append((now + 2 * STEP, self.execution.sending))
+
+    def arrived(self, one, now):
+        if one[0] <= now:
+            self.there = one[1]
+        return one[0] <= now
+
+
+def test_a_robot_that_follows_single_commands_may_be_as_late_as_the_machine():
+    line = Single(late=0.22)
+    line.run(3 * WAY.duration)
+    assert line.execution.phase == 'succeeded', line.execution.reason
+    behind = line.execution.single
+    assert behind.stall_displacement > Guards().path_position  # it was that late
+
+
+@pytest.mark.parametrize('kind', [Line, Single])
+def test_a_robot_that_is_stuck_is_stopped_whatever_it_followed(kind):
+    line = kind(late=0.22)
+
+    def get_stuck(line):
+        line.arrived = lambda *_: False
+        line.table.at = lambda _: line.there
+
+    line.run(5.0, {3.0: get_stuck})
+    assert line.execution.cause == Cause.PATH_TOLERANCE
+
+
 def test_without_a_horizon_what_is_late_shakes_the_dlo():
     execution = Execution(WAY, TOOL.inverse(), 'world', Guards(), PERIOD)
     lost, way = 0.3, 0.0

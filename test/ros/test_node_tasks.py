@@ -2,18 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node in this process: every task of the library, and all that it can be asked for one."""
 
-import importlib
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Goals
 from nav_msgs.srv import GetPlan
 from node_inside import GOAL, HERE, state
-from planner_process import PATIENCE, ROOT, drain, until
+from planner_process import PATIENCE, drain, until
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
@@ -43,6 +40,7 @@ from dlo_planner.execute.causes import Cause
 from dlo_planner.inverse.task import Task
 from dlo_planner.penalties import PositionAt
 from dlo_planner.rods import GraspedInside, with_plug
+from dlo_planner.ros.lifecycle import LATCHED
 from dlo_planner.settings.tasks import task_to_yaml
 from dlo_planner.tasks import Approach, MoveTo
 from msg_helpers.obstacles import obstacles_msg
@@ -266,6 +264,16 @@ def test_the_wrench_of_the_dlo_is_that_at_the_tool(inside, node, wrenches):
         inside.set_parameters(tool__position=[0.0, 0.0, 0.0])
 
 
+def test_who_asks_late_hears_the_wrench_of_the_shape_that_stands(inside, node):
+    path, _ = inside.shape_for(Pose((0.1, 0.0, 1.0), (0, 0, 0, 1)))
+    came = []
+    made = inside.node.create_subscription(
+        WrenchStamped, f'{inside.planner}/gripper_wrench', came.append, LATCHED)
+    assert until(lambda: came)
+    assert came[0].header.stamp == path.header.stamp
+    inside.node.destroy_subscription(made)
+
+
 def test_a_far_end_is_held_while_its_poses_come(inside, node, wrenches, capfd):
     there = Pose((0.8, 0.0, 0.9), (0, 0, 0, 1))
     level = Pose((0.0, 0.0, 1.0), (0, 0, 0, 1))
@@ -320,54 +328,3 @@ def test_what_loads_the_dlo_is_stated_by_parameters(inside, node, values, simula
         assert code == (Cause.INVALID_PARAMETER if 'rod__grasped_at' in values else 0)
     finally:
         assert at_once(inside, **before).successful
-
-
-def of_type(name):
-    """Return the class of a type, 'package/msg/Name' or 'package/Name'."""
-    package, *kind, name = name.split('/')
-    return getattr(importlib.import_module('.'.join([package, *(kind or ['msg'])])), name)
-
-
-def fill(message, values):
-    """Fill a message as the command `ros2` does."""
-    for name, value in values.items():
-        if isinstance(value, dict):
-            fill(getattr(message, name), value)
-        elif isinstance(value, list):
-            kind = of_type(message.get_fields_and_field_types()[name][len('sequence<'):-1])
-            setattr(message, name, [fill(kind(), one) for one in value])
-        else:
-            setattr(message, name, type(getattr(message, name))(value))
-    return message
-
-
-def test_the_commands_of_the_page_are_answered(inside, node):
-    """Each does what it says, one after the other, from where the gripper is."""
-    page = (ROOT / 'docs' / 'ros_interface.md').read_text()
-    lines = re.findall(r'^    ros2 (topic pub --once|service call) (\S+) (\S+) "(.*)"$', page, re.M)
-    assert len(lines) == 15
-    inside.trigger('reset')
-    for how, name, type_name, text in lines:
-        drain(inside.statuses)
-        kind = of_type(type_name)
-        if 'far_end' in name or 'predict_shape' in name:
-            inside.set_parameters(far_end__hold='clamped')
-        if how == 'service call':
-            answer, _ = inside._call(kind, name.removeprefix(f'{inside.planner}/'), fill(
-                kind.Request(), yaml.safe_load(text)))
-            assert answer.plan.poses, inside.status_of(name.rsplit('/', 1)[1])
-            continue
-        message = fill(kind(), yaml.safe_load(text))
-        out = inside.node.create_publisher(kind, name, 10)
-        assert until(out.get_subscription_count)
-        out.publish(message)
-        if name.endswith('/task'):
-            code, said, _ = inside.status_of('task', PATIENCE)
-            assert code == 0, said
-        elif name.endswith('/obstacles'):
-            assert until(lambda: state(node).scene.bodies)
-        else:
-            assert until(lambda: state(node).pose is not None)
-    inside.set_parameters(far_end__hold='free', task='{type: Thread}')
-    inside._obstacles_out.publish(obstacles_msg([], 'world'))
-    assert until(lambda: not state(node).scene.bodies)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node in this process: how requests end, and what is said where they are refused."""
 
+import re
 import time
 from pathlib import Path
 
@@ -9,10 +10,13 @@ import pytest
 from nav_msgs.msg import Goals
 from node_inside import GOAL, HERE, box, clear, state
 from planner_process import PATIENCE, drain, until
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from dlo_planner import Pose
 from dlo_planner.execute.causes import Cause
+from dlo_planner.ros.lifecycle import LATEST
 from msg_helpers.poses import pose_msg, pose_stamped_msg
 
 
@@ -67,7 +71,7 @@ def test_each_request_has_one_outcome_with_stamp_and_number(inside, node, name):
     assert not drain(inside.statuses)
 
 
-def test_a_plan_that_cannot_be_made_says_why(inside, node):
+def test_a_plan_that_cannot_be_made_says_why(inside, node, capfd):
     drain(inside.trajectories)
     assert inside.plan_threading(HERE, GOAL)[0] == inside.trajectories.get(timeout=PATIENCE)
     assert inside.status_of('plan_threading')[0] == Cause.DONE
@@ -77,12 +81,35 @@ def test_a_plan_that_cannot_be_made_says_why(inside, node):
     assert inside.status_of('plan_threading')[0] == Cause.UNSTABLE
     answer = inside.trigger('replan')
     assert not answer.success and 'waypoint 0' in answer.message
+    code, message, _ = inside.status_of('replan')
+    assert code == Cause.UNSTABLE and message == answer.message
+    assert re.search(r'some are between [\d.]+ and [\d.]+ m|along the normal', message)
+    assert any(re.search(r'depths looked at', line) for line in capfd.readouterr().err.splitlines())
     inside.set_parameters(rod__diameter=1.5e-3, threading__deepest=0.5)
     inside.set_parameters(workspace__upper=[-2.0, 9.0, 9.0])
     inside.plan_threading(HERE, GOAL)
     code, message, _ = inside.status_of('plan_threading')
     inside.set_parameters(workspace__upper=[float('inf')] * 3)
     assert code == Cause.WORKSPACE and 'workspace.upper.x' in message
+
+
+def test_a_cloud_that_is_refused_says_why_once_a_second(inside, node):
+    drain(inside.statuses)
+    out = inside.node.create_publisher(PointCloud2, f'{inside.planner}/observed_points', LATEST)
+    assert until(out.get_subscription_count)
+    stamp = inside.node.get_clock().now().to_msg()
+    stamp.sec -= 1000
+    refused = node.shared.statistics.report()[2]['clouds refused']
+    for _ in range(40):
+        stamp.sec += 10  # each is due
+        out.publish(PointCloud2(header=Header(frame_id='nowhere', stamp=stamp)))
+        time.sleep(0.02)
+    assert until(lambda: node.shared.statistics.report()[2]['clouds refused'] > refused + 10)
+    code, message, values = inside.status_of('observed_points')
+    assert code == Cause.INVALID_FRAME and "'nowhere'" in message
+    assert values['stamp'] != ''
+    assert len(drain(inside.statuses)) <= 2
+    inside.node.destroy_publisher(out)
 
 
 def test_obstacles_are_called_by_their_names(inside, node):

@@ -8,7 +8,9 @@ import time
 import numpy as np
 import pytest
 from follower import Follower
+from nav_msgs.srv import GetPlan
 from planner_process import drain, first, quiet, steps, under_way, until
+from rclpy.node import Node
 from scipy.interpolate import CubicSpline
 from streams import largest
 from visualization_msgs.msg import Marker
@@ -130,8 +132,13 @@ def test_a_plan_begins_where_the_gripper_is_is_proved_and_goes_from_there_alone(
 
 def test_who_asks_gets_the_own_plan_executed_once_it_is_proved_or_none(client, begun):
     other, _ = client.plan_threading(AWAY, Pose.looking_along((0.0, 0.25, 1.0), (1.0, 0.0, 0.0)))
+    assert 'ask again' in client.trigger('execute').message  # its own last one, not yet proved
+    stranger = Node('stranger', context=client.context)
+    stranger.create_client(GetPlan, f'{client.planner}/plan')
+    assert until(lambda: '2 different plans were made' in client.trigger('execute').message)
     answer = client.trigger('execute')  # it may be meant for either
-    assert not answer.success and '2 different plans were made' in answer.message
+    assert not answer.success and '/dlo_planner_client, /stranger' in answer.message
+    stranger.destroy_node()
     code, message, _ = client.execute(begun)
     assert code == 418 and 'is not the last one' in message
     assert 'ask again' in client.execute(other)[1]

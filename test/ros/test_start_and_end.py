@@ -2,15 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starting with good and bad parameters, and ending."""
 
+import os
 import signal
+import sys
 import time
+from subprocess import PIPE, STDOUT, Popen
 
 import numpy as np
 import pytest
 import yaml
 from node_inside import Alive
 from planner_here import context_of_its_own, planner_here
-from planner_process import PATIENCE, ROOT, connected_client, in_time, running_planner, until
+from planner_process import (
+    PATIENCE,
+    ROOT,
+    connected_client,
+    heeds,
+    in_time,
+    running_planner,
+    until,
+)
 from rclpy.exceptions import ParameterException
 
 from dlo_planner import Pose
@@ -35,6 +46,8 @@ def test_every_dlo_in_config_hangs_whatever_the_node_is_called(domain, monkeypat
         assert node.shared.store.state.scene['rod.name'] == rod['name']
         assert len(path.poses) == 65
         assert path.poses[-1].pose.position.z < 1.0
+        said = client.diagnostics.get(timeout=PATIENCE).status
+        assert [one.name.split(': ')[0] for one in said] == ['cell1/held'] * len(said)
 
 
 @pytest.mark.every(6)
@@ -50,6 +63,16 @@ def test_signals_are_heard_while_it_starts(domain, tmp_path, seconds, number):
             assert 'Traceback' not in planner.log
             return time.monotonic() - begun
     assert in_time(took, HEARD)
+
+
+@pytest.mark.parametrize('name', ['cell', 'planner_node', 'viewer'])
+def test_an_interrupt_in_the_first_moment_ends_an_executable_without_a_traceback(domain, name):
+    with Popen([sys.executable, str(ROOT / 'scripts' / name)], stdout=PIPE, stderr=STDOUT,
+               cwd=ROOT, env={**os.environ, 'PYTHONPATH': str(ROOT)}, text=True) as process:
+        assert until(lambda: heeds(process.pid, signal.SIGTERM))  # Python itself has begun
+        process.send_signal(signal.SIGINT)
+        said, _ = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, said) == (0, '')
 
 
 def test_signals_are_heard_during_a_long_plan_and_misspelt_parameters_are_named(domain, tmp_path):

@@ -68,7 +68,7 @@ def changed(state, bodies=None, **parts):
 def test_a_parameter_that_does_not_change_the_dlo_touches_nothing_of_it():
     before = hanging(State(scene(rod__yield_stress=40e6)))
     after = changed(before, rod__yield_stress=40e6, threading__linear_speed=0.05)
-    assert after.shape is before.shape and after.gripper == HERE
+    assert after.shape is before.shape and after.pose == HERE
     assert after.scene.limits.linear_speed == 0.05
     assert changed(before, bodies=BALL, rod__yield_stress=40e6).shape is before.shape
     # and the next shape goes on from it, with its set
@@ -87,7 +87,7 @@ def test_a_parameter_that_does_not_change_the_dlo_touches_nothing_of_it():
 def test_what_can_be_kept_of_another_dlo_is_kept(parts, kept):
     before = hanging(State(scene()))
     after = changed(before, **parts)
-    assert after.gripper == HERE
+    assert after.pose == HERE
     assert (after.shape is None) == (kept == 'nothing')
     assert (after.shape is before.shape) == (kept == 'all')
     shape = after.scene.direct.track([HERE], initial=after.shape)[0]
@@ -196,6 +196,25 @@ def test_the_plan_that_is_meant_is_executed_or_none(proved):
         ready(between, 10.0)
     assert refused.value.cause == Cause.OTHER_PLAN
     assert ready(between, 10.0, Time(sec=7)) is ready(state, 10.0)
+
+
+def test_one_who_asks_alone_gets_the_last_of_many_plans(proved):
+    def planned(*names):
+        state = proved
+        for k in range(8):
+            askers = frozenset({names[k % len(names)]})
+            state = state.with_plan(replace(
+                proved.planned, stamp=Time(sec=k), askers=askers, plan=proved.planned.plan
+                if k % 2 else truncate(proved.planned.plan, 4, PlanStatus.PARTIAL)))
+        return state.with_proof(replace(proved.proof, plan=state.planned.plan))
+
+    alone = frozenset({'/one'})
+    assert ready(planned('/one'), 10.0, askers=alone) is proved.proof.report.trajectory
+    assert planned('/one').started(10.0, askers=alone).askers == frozenset()
+    for state, now in ((planned('/one', '/other'), alone), (planned('/one'), alone | {'/other'})):
+        with pytest.raises(Refused, match='by one of /one, /other') as refused:
+            ready(state, 10.0, askers=now)
+        assert refused.value.cause == Cause.OTHER_PLAN
 
 
 @pytest.mark.parametrize(('enabled', 'named'), [

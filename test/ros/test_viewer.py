@@ -131,10 +131,11 @@ def show_all(planner, plan):
 
 
 def tell(planner, text, **values):
-    status = DiagnosticStatus(name='planner: solver', level=DiagnosticStatus.WARN, message=text)
+    status = DiagnosticStatus(name='cell/planner: solver', level=DiagnosticStatus.WARN,
+                              message=text)
     status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
     others = [DiagnosticStatus(name=name, message='of another') for name in (
-        'planner: execution', 'other: solver', '')]
+        'cell/planner: execution', 'planner: solver', 'other/planner: solver', '')]
     planner.diagnostics.publish(DiagnosticArray(status=[status, *others]))
 
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import closing
 from functools import partial
 
 import numpy as np
@@ -176,3 +177,9 @@ def test_closing_ends_it_at_once():
     waiting.join(timeout=PATIENCE)
     assert answers == [None] and not waiting.is_alive()
     assert worker.result(os.getpid) is None
+
+
+def test_what_is_not_wanted_while_the_process_still_imports_leaves_no_traceback(capfd):
+    with closing(Worker('computes')) as worker:
+        assert worker.result(int, lambda: False) is None
+    assert 'Traceback' not in capfd.readouterr().err
