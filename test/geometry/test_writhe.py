@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.geometry.self_passage import bends_back, first_passage, passes_itself
 from dlo_planner.geometry.writhe import link, writhe
@@ -131,13 +132,28 @@ def test_only_what_bends_by_more_than_a_right_angle_may_pass():
 def test_the_first_passage_of_a_row_of_shapes():
     rows = np.repeat(CROSSING[None], 4, axis=0)
     rows[2:, :2, 2] = -0.1
-    rows[3, :, 0] += 5.0  # carried: seen from where it is held it stands still
     lengths = np.linalg.norm(np.diff(CROSSING, axis=0), axis=1)
     bent = np.full((4, 5, 3), 1.0)
     frames = np.tile(np.eye(3), (4, 1, 1))
     assert first_passage(lengths, bent, frames, rows) == 1
     assert first_passage(lengths, bent, frames, rows[[0, 0, 0, 0]]) == -1
     assert first_passage(lengths, 0 * bent, frames, rows) == -1
+
+
+def test_passages_are_looked_at_from_where_the_curve_is_held(rng):
+    strains, differ = np.full((2, 13, 3), 1.0), 0
+    for _ in range(60):
+        before = np.cumsum(rng.normal(size=(14, 3)), axis=0)
+        after = before + 0.2 * rng.normal(size=before.shape)
+        after[0] = before[0]
+        turn = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
+        frames, carried = np.array([np.eye(3), turn]), after @ turn.T + 5.0
+        lengths = np.linalg.norm(np.diff(before, axis=0), axis=1)
+        passes = passes_itself(before, after)
+        rows = np.array([before, carried])
+        assert (first_passage(lengths, strains, frames, rows) == 0) == passes
+        differ += passes_itself(before, carried) != passes  # as the world sees it
+    assert differ > 1
 
 
 def test_link_of_a_flat_bend_is_its_twist():
