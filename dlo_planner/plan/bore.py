@@ -256,7 +256,8 @@ def rubbed(beam: Beam, friction: float, push: float, state: Floats, compression:
 
 
 @kernel
-def _pressed(beam, compression, state, press, wall, deep):
+def _pressed(beam: Beam, compression: Floats, state: Floats, press: Floats, wall: Floats,
+             deep: Floats) -> bool:
     """Bring a beam into balance in its bore by augmented Lagrangians; fill the forces `press`."""
     most, last, place = _WALL * np.max(beam.room), np.inf, np.empty(2)
     if wall[0] == 0.0:
@@ -282,15 +283,17 @@ def _pressed(beam, compression, state, press, wall, deep):
 
 
 @kernel
-def _beyond(u, press, wall, k, place):
+def _beyond(u: Floats, press: Floats, wall: float, k: int, place: Floats) -> float:
     """Fill the `place` (2,) where a node would be if its walls gave way; return how far it is."""
     for i in range(2):
         place[i] = u[4 * k + i] + press[k, i] / wall
-    return np.hypot(place[0], place[1])
+    away: float = np.hypot(place[0], place[1])
+    return away
 
 
 @kernel
-def _balanced(beam, compression, u, press, wall, deep):
+def _balanced(beam: Beam, compression: Floats, u: Floats, press: Floats, wall: float,
+              deep: Floats) -> bool:
     """Minimize the energy by Newton's method, downhill; return whether it is found."""
     n, room = u.size, np.max(beam.room)
     band, gradient, trial = np.empty((n, _BAND + 1)), np.empty(n), np.empty(n)
@@ -331,7 +334,8 @@ def _balanced(beam, compression, u, press, wall, deep):
 
 
 @kernel
-def _energy(beam, compression, u, press, wall, gradient, deep):
+def _energy(beam: Beam, compression: Floats, u: Floats, press: Floats, wall: float,
+            gradient: Floats, deep: Floats) -> float:
     """Return the energy in J of deflections and slopes u (4 N + 4,); fill its gradient, `deep`."""
     count, total = beam.room.size, 0.0
     for k in range(count):
@@ -366,7 +370,8 @@ def _energy(beam, compression, u, press, wall, gradient, deep):
 
 
 @kernel
-def _hessian(beam, compression, u, press, wall, band):
+def _hessian(beam: Beam, compression: Floats, u: Floats, press: Floats, wall: float,
+             band: Floats) -> None:
     """Fill the band (n, 8) of second derivatives: column j of row i is that by i and i - j."""
     band[:] = 0.0
     count = beam.room.size
@@ -391,7 +396,7 @@ def _hessian(beam, compression, u, press, wall, band):
 
 
 @kernel
-def _factorized(band):
+def _factorized(band: Floats) -> bool:
     """Replace a band by its factors L D L'; return whether all of D is positive."""
     for i in range(band.shape[0]):
         first = max(0, i - _BAND)
@@ -408,7 +413,7 @@ def _factorized(band):
 
 
 @kernel
-def _solve(band, b):
+def _solve(band: Floats, b: Floats) -> None:
     """Replace b (n,) by the solution, by the factors of `_factorized`."""
     n = b.size
     for i in range(n):

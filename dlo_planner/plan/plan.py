@@ -144,8 +144,9 @@ class Plan(Filmed):
         put(self, **{name: np.full(n, np.nan) for name in _MAY_BE_LEFT_OUT
                      if isinstance(getattr(self, name), tuple) and not getattr(self, name)})
         if isinstance(self.insertion_status, tuple) and not self.insertion_status:
+            forces = results('Plan.insertion_force', self.insertion_force, (n,))
             put(self, insertion_status=tuple(NOT_LOOKED_AT if np.isnan(force) else FOUND
-                                             for force in self.insertion_force))
+                                             for force in forces))
         for name in PER_WAYPOINT:
             if name != 'clearance' and len(items(f'Plan.{name}', getattr(self, name), object)) != n:
                 raise InvalidTask(f'Plan.{name} = {shown(getattr(self, name))}: expected one entry '
@@ -363,7 +364,8 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
         raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
                           f'{one.grippers[-1]!r}')
-    depths, grippers, shapes, misalignment, errors, times, via_points, clearances, *rest, pushes = (
+    (depths, grippers, shapes, misalignment, errors, times, via_points, clearances, forces, rooms,
+     used, pushes) = (
         [*getattr(one, name), *getattr(other, name)[1:]] for name in PER_WAYPOINT)
     end = len(one) - 1
     times[end + 1:] = one.times[-1] + other.times[1:] - other.times[0]
@@ -374,7 +376,7 @@ def concatenate(one: Plan, other: Plan) -> Plan:
                 np.array(errors), np.array(times), tuple(via_points), padded_clearances(clearances),
                 other.sheets or one.sheets,
                 min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))),
-                *map(np.array, rest), insertion_status=tuple(pushes))
+                np.array(forces), np.array(rooms), np.array(used), tuple(pushes))
 
 
 def _turns(grippers: Sequence[Pose], length: float) -> bool:

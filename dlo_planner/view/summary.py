@@ -137,11 +137,12 @@ def _plan_rows(plan: Plan) -> list[Row]:
 def plan_columns(plan: Plan) -> list[tuple[str, Floats, float, str]]:
     """Return what there is to say of each waypoint: (quantity, values (n,), worst, unit)."""
     rim = plan.clearances[:, :, 0].min(axis=1, initial=np.inf)
-    columns = [('miss', plan.position_error, np.max, 'm'),
-               ('misalignment', np.rad2deg(plan.misalignment), np.max, 'deg'),
-               ('room at the rim', rim, np.min, 'm'), ('clearance', plan.clearance, np.min, 'm'),
-               ('bend margin', plan.bend_margin, np.min, '1/m'),
-               ('stability', plan.stability, np.min, ''), ('residual', plan.residual, np.max, '')]
+    columns: list[tuple[str, Floats, Callable[[Floats], Any], str]] = [
+        ('miss', plan.position_error, np.max, 'm'),
+        ('misalignment', np.rad2deg(plan.misalignment), np.max, 'deg'),
+        ('room at the rim', rim, np.min, 'm'), ('clearance', plan.clearance, np.min, 'm'),
+        ('bend margin', plan.bend_margin, np.min, '1/m'),
+        ('stability', plan.stability, np.min, ''), ('residual', plan.residual, np.max, '')]
     if np.isfinite(plan.yield_utilization).any():
         columns.append(('yield limit used', plan.yield_utilization, np.max, ''))
     if any(shape.far_end is not None for shape in plan.shapes):

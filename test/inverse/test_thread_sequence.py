@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
@@ -120,3 +121,37 @@ def test_what_coarse_waypoints_miss_is_what_fine_ones_miss():
         late = plan.position_errors[::part][13:]  # which one is hit first is a matter of the way
         missed.append([np.linalg.norm(one) for one in late])
     np.testing.assert_allclose(*missed, rtol=0.05)
+
+
+@pytest.mark.parametrize('seed', [211, 219])
+def test_it_is_as_near_as_a_search_from_other_rolls_comes(seed):
+    rng = np.random.default_rng(seed)
+    bends = 10 ** rng.uniform(-1.8, -0.3)
+    rod = Rod(1.0, 0.05, (bends, bends * rng.uniform(1, 2)), 0.7 * bends,
+              natural_curvature=tuple(rng.uniform(-1.5, 1.5, 2)), natural_twist=rng.uniform(-1, 1))
+    simulator = DirectSimulator(rod, basis='local', n_elements=48)
+    centers = np.array([[0, 0, 1], [0.2, *rng.uniform(-0.12, 0.12, 2) + [0, 1]],
+                        [0.4, *rng.uniform(-0.25, 0.25, 2) + [0, 1]]])
+    plan = InverseSimulator(simulator).thread_sequence(
+        [CutOut(Pose.looking_along(center, (1, 0, 0))) for center in centers],
+        depths=np.linspace(0, 0.7, 36))
+    found = np.linalg.norm(plan.position_errors[-1])
+
+    def misses(where, base):
+        shape = simulator.solve(Pose.from_rotation(
+            where[3:], Rotation.from_rotvec(where[:3]).as_matrix() @ base))
+        if not (shape.converged and shape.stability > 0):
+            return np.ones(9)
+        places = shape.positions_at(np.linspace(0.3, 1.0, 1401))
+        return np.concatenate([places[0] - centers[0], *(
+            (places - center)[np.linalg.norm(places - center, axis=1).argmin()]
+            for center in centers[1:])])
+
+    last, best = plan.grippers[-1], []
+    for roll in np.arange(4) * np.pi / 2:
+        base = Rotation.from_rotvec(roll * last.direction).as_matrix() @ last.rotation
+        begins = simulator.solve(Pose.from_rotation((0, 0, 0), base)).at(0.3).position
+        best.append(np.linalg.norm(least_squares(
+            misses, np.concatenate([np.zeros(3), centers[0] - begins]), args=(base,),
+            max_nfev=30).fun))
+    assert found < min(best) + 5e-4  # of which half is the distance of two places
