@@ -22,6 +22,15 @@ VERSION = re.search(r"^__version__ = '(.+?)'", (ROOT / NAME / '__init__.py').rea
 PACKAGE = ElementTree.parse(ROOT / 'package.xml')  # the one place of names and addresses
 
 
+def say(text):
+    """Tell who installs: pip hides what a build prints, unless it is asked for it by -v."""
+    try:
+        with open('/dev/tty', 'w', encoding='utf-8') as terminal:
+            terminal.write(f'\r{text}\n')
+    except OSError:  # nobody sits there
+        print(text, file=sys.stderr)
+
+
 def compile_ahead(folder):
     """Compile the kernels of the package in a folder into it, so that the first start is quick.
 
@@ -30,6 +39,7 @@ def compile_ahead(folder):
     """
     if os.environ.get('DLO_PLANNER_PREBUILD') == '0':
         return
+    say(f'{NAME}: compiling the solver ahead, for one to three minutes')
     done = subprocess.run([sys.executable, '-m', f'{NAME}.prebuild'], cwd=folder, check=False)
     if done.returncode:
         print(f'{NAME}: kernels were not compiled ahead, see above', file=sys.stderr)

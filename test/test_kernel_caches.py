@@ -161,7 +161,7 @@ def started(folder, code, **changes):
 
 def result(process):
     """Return what it printed: values, kernels that were found, others, and where they are kept."""
-    out, error = process.communicate(timeout=120)
+    out, error = process.communicate(timeout=600)
     assert process.returncode == 0, error
     return json.loads(out)
 
@@ -172,7 +172,7 @@ def run(folder, code=USE, **changes):
 
 def prebuilt(folder):
     process = started(folder, PREBUILD)
-    assert process.wait(120) == 0, process.communicate()[1]
+    assert process.wait(600) == 0, process.communicate()[1]
     process.communicate()
     return list((folder / 'dlo_planner' / 'compiled').rglob('*.kernel'))
 

@@ -114,7 +114,8 @@ def judge_keys(name: str, content: Mapping[str, Any], cls: type[Value]) -> None:
         return
     _judge_own_keys(name, content, cls)
     for field, (kind, several) in value_fields(cls).items():
-        for part in (content.get(field) or () if several else [content.get(field)]):
+        given = content.get(field)  # who reads it judges what it is
+        for part in given if several and isinstance(given, list | tuple) else [given]:
             if isinstance(part, Mapping) and part.get(_TYPE) in (None, kind.__name__):
                 judge_keys(f'{name}.{field}', part, kind)
 

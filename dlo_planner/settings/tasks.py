@@ -85,7 +85,7 @@ def _content(text: str, name: str) -> dict[str, Any]:
     content: Any = load_yaml(text, name)
     kind = content.get('type') if isinstance(content, dict) else None
     known = {one.__name__: one for one in classes_below(Task) if not one.__name__.startswith('_')}
-    if kind not in known:
+    if not isinstance(kind, str) or kind not in known:
         raise InvalidTask(f'{name}: expected {{type: ..., ...}} with a type of '
                           f'{", ".join(sorted(known))}, got {shown(content)}'
                           f'{did_you_mean(kind, known)}')

@@ -161,6 +161,8 @@ def test_a_proof_ends_with_a_message_of_its_own(inside, node, tell):
 
 
 @pytest.mark.parametrize(('text', 'code', 'said'), [
+    ('{type: []}', 100, 'expected {type: ..., ...}'),
+    ('{type: ThreadSequence, cutouts: 3}', 100, 'task.cutouts = 3: expected a list of them'),
     ('{type: Thred}', 100, 'expected {type: ..., ...} with a type of Approach, HoldContact'),
     ('nothing', 100, "got 'nothing'"), ('{type: [', 100, 'task, line 1: expected YAML'),
     ('{type: Thread, contac: 1}', 100, 'task.contac: expected one of as_deep_as_possible, cutout'),
