@@ -51,7 +51,7 @@ _FIRST, _FASTER = 0.1, 1.4  # of what rubs without a push; times: steps in which
 # outside) or faster (where the beam buckles in the bore). From the first on it jams if the push
 # falls behind from step to step, from the second on in any case.
 _MORE, _MOST = 4.0, 100.0
-_EXACT = 1e-3       # relative, of the force
+_EXACT = 1e-4       # of what rubs without a push: how exactly the force is found
 
 
 class Push(NamedTuple):
