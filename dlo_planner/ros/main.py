@@ -8,6 +8,7 @@ interrupted: what has not ended one second after the motion has stopped is aband
 process. Only the standard library is imported here: a process is deaf while it imports.
 """
 
+import ctypes
 import os
 import signal
 import sys
@@ -25,6 +26,8 @@ from dlo_planner.blas import one_thread_of_blas
 from dlo_planner.signals import NUMBERS, ignore
 
 _IN_MEMORY = Path('/dev/shm')  # a container has it though all else is read-only
+# M_ARENA_MAX; M_TRIM_THRESHOLD and M_MMAP_THRESHOLD, bytes: more than any array of a usual solve
+_POOLS = {-8: 2, -1: 1 << 20, -3: 1 << 20}
 _STOPPING = 5.0  # s for a motion to decelerate, at most
 _GRACE = 1.0     # s for everything else
 _HEAR = 0.2      # s between looks at signals that another thread took
@@ -36,7 +39,19 @@ def main(args: list[str] | None = None) -> int:
     The status is 0 after a signal, 1 where the node cannot start, or an error ended it.
     """
     one_thread_of_blas()
+    give_memory_back()
     return Process(_planner, sys.argv if args is None else args).run()
+
+
+def give_memory_back() -> None:
+    """Let glibc share few pools of memory between threads, and return what a large message took.
+
+    Of itself it has a pool for each of thirty threads, and keeps in each what was used there once.
+    """
+    with suppress(AttributeError, OSError):  # another C library
+        mallopt = ctypes.CDLL(None).mallopt
+        for option, value in _POOLS.items():
+            mallopt(option, value)
 
 
 def _planner() -> tuple[Any, Any]:
