@@ -38,7 +38,7 @@ from dlo_planner.direct.stepper import (
     Stepper,
     TimePoint,
 )
-from dlo_planner.energy.gap import penetration_of_point
+from dlo_planner.energy.gap import penetration_of_point, penetrations_of_points
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.so3 import turn_between
@@ -518,8 +518,7 @@ def _blocked(stepper: Stepper, instants: int) -> tuple[float, str]:
         held.append(('far end', grips.far_end))
     first = np.inf, ''
     for what, grip in held:
-        depths = np.array([penetration_of_point(mesh.scene, place)
-                           for place in grip.along(places)[1]])
+        depths = penetrations_of_points(mesh.scene, np.array(grip.along(places)[1]))
         inside = np.flatnonzero(depths > deep)
         if inside.size and places[inside[0]] < first[0]:
             before, at = places[max(inside[0] - 1, 0)], float(places[inside[0]])

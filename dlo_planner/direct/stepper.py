@@ -99,7 +99,7 @@ class Row(NamedTuple):
     def of(cls, buffer: StepBuffer, rows: Sequence[int]) -> list[Row]:
         """Return copies of some rows: of many, few are kept."""
         which, table = list(rows), cls._fields[-4:]
-        arrays = [np.ascontiguousarray(getattr(buffer, name)[:, which].swapaxes(0, 1))
+        arrays = [np.array(getattr(buffer, name)[:, which].swapaxes(0, 1), order='C')
                   for name in cls._fields[:2]]
         arrays += [getattr(buffer, name)[which] for name in cls._fields[2:-4]]
         tables = [np.array(getattr(buffer, name)) for name in table]

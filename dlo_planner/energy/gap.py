@@ -674,6 +674,15 @@ def penetration(scene: Scene, lengths: Floats, strains: Floats, rotations: Float
 
 
 @kernel
+def penetrations_of_points(scene: Scene, places: Floats) -> Floats:
+    """Return (n,) how deep in m places (n, 3), world, lie in an obstacle, at most; 0 if in none."""
+    deep = np.empty(places.shape[0])
+    for k in range(deep.size):
+        deep[k] = penetration_of_point(scene, places[k])
+    return deep
+
+
+@kernel
 def penetration_of_point(scene: Scene, place: Floats) -> float:
     """Return how deep in m a place (3,), world, lies in an obstacle, at most; 0 if in none."""
     deepest = 0.0

@@ -196,6 +196,8 @@ def _minimum(contact, system, options, work, places, tangents):
     """Return what `solve_contact` does, of a DLO with obstacles or without."""
     if contact is None:
         return _unobstructed(system, options, work)
+    if contact.scene.kind.size == 0:  # nor are there tangents then
+        return _unobstructed(system, options, work)
     bodies = bodies_in_reach(system, _seen_from(system.origin, places, tangents))
     if bodies.size == 0:
         end = _unobstructed(with_bodies(system, bodies), options, work)
