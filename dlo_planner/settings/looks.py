@@ -248,8 +248,8 @@ def _number(cell: str) -> float | None:
         return None
     if _DECIMAL_COMMA.fullmatch(cell):
         cell = cell.replace(',', '.')
-    try:
-        return float(cell)
+    try:  # (Python reads 1_0 as 10, nobody else does)
+        return None if '_' in cell else float(cell)
     except ValueError:
         return None
 

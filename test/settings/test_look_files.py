@@ -54,6 +54,7 @@ def test_what_the_terminal_writes_of_a_shape_is_read_as_its_points(tmp_path):
     ('x,y,z\n0.2,0\n', 'line 2: expected 3 columns as in the first line, x, y, z, got 2'),
     ('x,y,z\n0.2,0,nan\n', "line 2: z = 'nan': expected a finite number"),
     ('x,y,z\n0.2,0,one\n', "line 2: z = 'one'"),
+    ('x,y,z\n0.2,0,1_0\n', "line 2: z = '1_0': expected a finite number"),
     ('x,y,z,x\n1,2,3,4\n', "column 'x': expected once"),
     ('x [ft],y,z\n1,2,3\n', 'expected a unit out of m, cm, mm, in'),
     ('x,0.2,z\n1,2,3\n', 'numbers alone, or names of columns alone'),
