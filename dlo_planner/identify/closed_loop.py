@@ -87,7 +87,7 @@ class ClosedLoop(Value):
     patience: float = 90.0
     period: float = 0.5
     share: float = 0.25
-    most_looks: int = 3
+    most_looks: int = 5
     most_tries: int = 3
     phase: Phase = Phase.LOOK
     since: float | None = None

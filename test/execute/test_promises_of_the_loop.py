@@ -66,13 +66,16 @@ class Seen:
         self.seeing, self.estimate = SEEING, DloEstimator(DIRECT, SEEING).estimate
         self.doubted, self.seen, self.swing, self.off = False, np.inf, 0.0, 0.0
         self.vibrations, self.since = [], []
+        self.at_rest = []  # of each look at rest, how the DLO vibrates in it
         self.cutout_suspect = False
 
     def reopen(self, stamp=0.0):
         """Forget nothing."""
 
-    def vibration(self, gripper, since, factor):
+    def vibration(self, gripper, since, factor, periods=None):
         """See what a test says, once."""
+        if periods is not None:
+            return self.at_rest.pop(0) if self.at_rest else None
         self.since.append(since)
         return self.vibrations.pop(0) if self.vibrations else None
 
@@ -141,7 +144,7 @@ def test_what_a_plan_misses_by_itself_is_promised_once_and_said_where_it_is_refu
     cell.plans = [way, soft]
     assert cell.entering().loop.promised == pytest.approx(1e-3 + 3e-4 + 4e-4 - 2e-4)
     cell = Cell(ways)
-    cell.plans = [way, *[replace(soft, bound=1e-2, motion=None)] * 3]
+    cell.plans = [way, *[replace(soft, bound=1e-2, motion=None)] * 5]
     cell.until(lambda: cell.loop.phase is Phase.STOP)
     assert cell.loop.cause is Cause.MISS_EXPECTED
     assert 'as planned it misses by 0.0002 m' in cell.loop.reason
@@ -151,7 +154,7 @@ def test_what_a_plan_misses_by_itself_is_promised_once_and_said_where_it_is_refu
 def test_what_is_refused_exceeds_the_limit_that_is_said(ways, share):
     cell = Cell(ways)
     way, entry = cell.plans
-    cell.plans = [way, *[replace(entry, bound=share * task().room, motion=None)] * 3]
+    cell.plans = [way, *[replace(entry, bound=share * task().room, motion=None)] * 5]
     if share > 1:  # no look has ever agreed
         observer = DloEstimator(DIRECT, EstimatorConfig(SPREAD))._observer
         cell.seen.estimate = observer.reopened(observer.begin(), 5e-3, 0.05, camera=4.0)
@@ -171,6 +174,36 @@ def test_a_swing_that_is_seen_delays_and_is_promised(ways):
     assert cell.loop.phase is Phase.LOOK
     cell.seen.swing = 5e-4
     assert cell.entering().loop.promised == pytest.approx(1e-3 + 5e-4 + 4e-4)
+
+
+def vibrating(amplitude, deviation):
+    """Return a vibration of an amplitude, m, as it is seen, and what noise alone would give."""
+    modes = DIRECT.solve(START).modes(1)
+    state = np.array([[amplitude / np.linalg.norm(modes.displacements[0, -1])], [0.0]])
+    return FreeVibration(modes, 0.0, state, STATED, 1e-3, deviation)
+
+
+@pytest.mark.parametrize(('seen', 'deviation', 'counts'), [
+    (1e-3, 1e-5, 1e-3),   # more than was simulated
+    (1e-6, 1e-5, 1.1e-5),  # less
+    (3e-4, 5e-4, 3e-4)])  # noise: what was simulated, 0.3 mm
+def test_a_swing_counts_as_far_as_it_is_seen_and_else_as_it_was_simulated(ways, seen, deviation,
+                                                                           counts):
+    cell = Cell(ways)
+    cell.seen.at_rest = [None, vibrating(seen, deviation)]
+    promised = cell.entering().loop.promised
+    assert promised == pytest.approx(1e-3 + 4e-4 + counts, abs=1e-6)
+
+
+def test_a_swing_that_is_over_costs_no_room(ways):
+    cell = Cell(ways)
+    way, entry = cell.plans
+    cell.plans = [way, entry, entry]
+    # with the first the bound is above the room, and there is another look
+    cell.seen.at_rest = [None, vibrating(0.99 * task().tolerance, 1e-5), vibrating(1e-5, 1e-5)]
+    cell.plans[1] = replace(entry, bound=0.8 * task().room)
+    assert cell.entering().loop.promised < 1e-3 + 4e-4 + 1e-4
+    assert cell.loop.tries == 0 and not cell.plans
 
 
 def test_a_swing_is_taken_away_before_it_is_planned(ways):
