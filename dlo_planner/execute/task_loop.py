@@ -347,7 +347,8 @@ class TaskLoop:
         bound = None
         if isinstance(done, Entry):
             self._entry, self._correction = done, None
-            bound = done.bound + self._left + done.moves
+            bound = done.bound + self._left + (
+                done.moves if done.motion is not None else self._kept(done.bound))
         loop = self._loop.advanced(time, bound, finished=True, doubted=self.observing.doubted)
         if isinstance(done, GripperMotion) and loop.phase is Phase.GO:
             self._departure = done.departure
@@ -357,6 +358,11 @@ class TaskLoop:
             self.promised = bound
             self._go(done.motion)
         self._to(loop, time)
+
+    def _kept(self, bound: float) -> float:
+        """Return what is kept for motion, m, beside a bound at rest that leaves no room for it."""
+        task = self._task
+        return max(task.room - task.room_at_rest, float(np.nextafter(task.room, np.inf)) - bound)
 
     # ---- motion ---------------------------------------------------------------------------------
 
