@@ -347,8 +347,8 @@ class TaskLoop:
         bound = None
         if isinstance(done, Entry):
             self._entry, self._correction = done, None
-            bound = done.bound + self._left + (
-                done.moves if done.motion is not None else self._kept(done.bound))
+            moves = done.moves if done.motion is not None else self._kept(done.bound)
+            bound = done.bound + self._left + moves
         loop = self._loop.advanced(time, bound, finished=True, doubted=self.observing.doubted)
         if isinstance(done, GripperMotion) and loop.phase is Phase.GO:
             self._departure = done.departure
