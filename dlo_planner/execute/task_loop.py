@@ -59,6 +59,7 @@ _FOLLOWED = 0.3     # s after the last command until the gripper is at rest
 _SWINGS = 0.6       # of the swing that is tolerated, from which on it is taken away
 _TOLD = 2.0         # times as large a swing tells of the delay
 _SEEING, _AGAIN = 1.5, 0.25  # s, in which a swing is looked at, until it is tried again
+_LOOK_LONGER = 2.0  # times as long as a look lasts it goes on until a whole period is seen, at most
 _LONGEST_SEEING = 6.0  # s, after which it is believed to be none where nothing was seen
 _SURE = 2.0         # standard deviations by which a swing has to be told from noise
 _OF_STANDOFF = 0.2  # by which a gripper may move to take a swing away
@@ -260,20 +261,27 @@ class TaskLoop:
             return
         since = loop.calm if loop.since is not None else time
         unseen = time - since >= loop.look and observing.seen < since
-        swings = time - since >= loop.look and self._swings(since)
+        swings, looked = False, time - since >= loop.look
+        if looked and not (observing.doubted or unseen):
+            if time < self._sees:
+                return
+            seen = observing.vibration(self._measured, since, self._factor, ONE_PERIOD)
+            if seen is None and time - since < _LOOK_LONGER * loop.look:  # of a slow one too little
+                self._sees = time + _AGAIN
+                return
+            swings = self._swings(seen)
         doubted = observing.doubted or swings
         loop = loop.advanced(time, doubted=doubted or unseen)
         if doubted:
             self._rest(time)
         self._to(loop, time)
 
-    def _swings(self, since: float) -> bool:
-        """Take in how the DLO swings since a time (s), and return whether that is too much.
+    def _swings(self, seen: FreeVibration | None) -> bool:
+        """Take in how the DLO swings at rest, and return whether that is too much.
 
         What is left by the motion to here, as it was simulated, counts as far as looks allow for
         it. What was seen in an earlier look does not count any more: a swing decays.
         """
-        seen = self.observing.vibration(self._measured, since, self._factor, ONE_PERIOD)
         if seen is None:
             least = self.observing.swing
             self._left = max(self._departure, least)

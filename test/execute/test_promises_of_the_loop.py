@@ -153,8 +153,9 @@ def test_what_a_plan_misses_by_itself_is_promised_once_and_said_where_it_is_refu
 @pytest.mark.parametrize(('share', 'looks'), [(0.95, 6), (1.5, 3)])
 def test_what_is_refused_exceeds_the_limit_that_is_said(ways, share, looks):
     cell = Cell(ways)
-    way, entry = cell.plans
-    cell.plans = [way, *[replace(entry, bound=share * task().room, motion=None)] * looks]
+    entry = cell.plans[1]
+    cell.plans = [moving(ways[0], 2e-3, 0.0),
+                  *[replace(entry, bound=share * task().room, motion=None)] * looks]
     if share > 1:  # no look has ever agreed
         observer = DloEstimator(DIRECT, EstimatorConfig(SPREAD))._observer
         cell.seen.estimate = observer.reopened(observer.begin(), 5e-3, 0.05, camera=4.0)
@@ -191,9 +192,19 @@ def vibrating(amplitude, deviation):
 def test_a_swing_counts_as_far_as_it_is_seen_and_else_as_it_was_simulated(ways, seen, deviation,
                                                                            counts):
     cell = Cell(ways)
-    cell.seen.at_rest = [None, vibrating(seen, deviation)]
+    cell.seen.at_rest = [vibrating(1e-5, 1e-5), vibrating(seen, deviation)]
     promised = cell.entering().loop.promised
     assert promised == pytest.approx(1e-3 + 4e-4 + counts, abs=1e-6)
+
+
+@pytest.mark.parametrize('seen', [True, False])
+def test_a_look_lasts_until_a_period_of_a_slow_swing_is_seen_but_at_most_twice_as_long(ways, seen):
+    cell = Cell(ways)
+    cell.loop._loop = replace(cell.loop._loop, look=2.0)
+    cell.seen.at_rest = [None, None] + [vibrating(1e-5, 1e-5)] * seen
+    cell.until(lambda: cell.loop.phase is Phase.PLAN)
+    lasts = 2.0 + 2 * 0.25 if seen else 2 * 2.0
+    assert lasts <= cell.time <= lasts + 0.25 + 4 * PERIOD
 
 
 def test_a_swing_that_is_over_costs_no_room(ways):
@@ -201,7 +212,7 @@ def test_a_swing_that_is_over_costs_no_room(ways):
     way, entry = cell.plans
     cell.plans = [way, entry, entry]
     # with the first the bound is above the room, and there is another look
-    cell.seen.at_rest = [None, vibrating(0.99 * task().tolerance, 1e-5), vibrating(1e-5, 1e-5)]
+    cell.seen.at_rest = [vibrating(1e-5, 1e-5), vibrating(0.99 * task().tolerance, 1e-5), vibrating(1e-5, 1e-5)]
     cell.plans[1] = replace(entry, bound=0.8 * task().room)
     assert cell.entering().loop.promised < 1e-3 + 4e-4 + 1e-4
     assert cell.loop.tries == 0 and not cell.plans
