@@ -212,7 +212,7 @@ def test_a_swing_that_is_over_costs_no_room(ways):
     way, entry = cell.plans
     cell.plans = [way, entry, entry]
     # with the first the bound is above the room, and there is another look
-    cell.seen.at_rest = [vibrating(1e-5, 1e-5), vibrating(0.99 * task().tolerance, 1e-5), vibrating(1e-5, 1e-5)]
+    cell.seen.at_rest = [vibrating(size, 1e-5) for size in (1e-5, 0.99 * task().tolerance, 1e-5)]
     cell.plans[1] = replace(entry, bound=0.8 * task().room)
     assert cell.entering().loop.promised < 1e-3 + 4e-4 + 1e-4
     assert cell.loop.tries == 0 and not cell.plans
