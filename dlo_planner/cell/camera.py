@@ -54,6 +54,10 @@ class Camera(Value):
     # point about which, from the center of the hole
     turn: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
     turned_about: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    # (3,) m/s and (3,) rad/s, by which `offset` and `turn` grow from the beginning of a run on, as
+    # where a mount warms up
+    drift: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    turn_drift: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
     # number of points in each image, drawn evenly from the visible part of the DLO
     points: int = 20
     outliers: float = 0.0  # share of the points that are displaced to anywhere near the DLO
@@ -85,7 +89,7 @@ class Camera(Value):
         put(self, points=integer('Camera.points', self.points, maximum=10_000,
                                  minimum=_LEAST_NODES if self.fills_in else 1),
             **{name: vector(f'Camera.{name}', getattr(self, name), 3)
-               for name in ('offset', 'turn', 'turned_about')})
+               for name in ('offset', 'turn', 'turned_about', 'drift', 'turn_drift')})
         if self.outliers + self.second_cable > 1:
             raise InvalidTask(f'Camera.second_cable = {self.second_cable:g}: expected at most 1 '
                               f'together with outliers = {self.outliers:g}')
@@ -143,21 +147,24 @@ class Viewer:
         other = kind >= 1 - camera.second_cable
         if other.any():
             points[other] = self._on_second_cable(int(other.sum()), plant.length, cutout)
-        points = self._seen(points, cutout) + camera.noise * rng.standard_normal(points.shape)
+        points = self._seen(points, plant.time, cutout) + (
+            camera.noise * rng.standard_normal(points.shape))
         if camera.fills_in:
             points = self._tracked(plant, cutout, seen)
         hole = None
         if camera.sees_hole:
             center = cutout.center + plant.truth.shift_of(0)
-            hole = vector('hole', self._seen(center, cutout)
+            hole = vector('hole', self._seen(center, plant.time, cutout)
                           + camera.noise * rng.standard_normal(3), 3)
         return Image(plant.time + camera.stamp_error, points, hole)
 
-    def _seen(self, places: Floats, cutout: CutOut) -> Floats:
-        """Return where places (..., 3) are seen but for noise."""
-        about = cutout.center + self._camera.turned_about
-        turn = Rotation.from_rotvec(self._camera.turn.copy()).as_matrix()
-        seen: Floats = (places - about) @ turn.T + about + self._camera.offset + self._bias
+    def _seen(self, places: Floats, time: float, cutout: CutOut) -> Floats:
+        """Return where places (..., 3) are seen at a time, s, but for noise."""
+        camera = self._camera
+        about = cutout.center + camera.turned_about
+        turn = Rotation.from_rotvec(camera.turn + time * camera.turn_drift).as_matrix()
+        seen: Floats = ((places - about) @ turn.T + about + self._bias
+                        + camera.offset + time * camera.drift)
         return seen
 
     def _tracked(self, plant: Plant, cutout: CutOut, seen: float) -> Floats:
@@ -167,7 +174,7 @@ class Viewer:
         """
         s = np.linspace(0, 1, self._camera.points)
         own = self._own
-        now = self._seen(plant.points(plant.length * s), cutout) + (
+        now = self._seen(plant.points(plant.length * s), plant.time, cutout) + (
             self._camera.noise * own.standard_normal((s.size, 3)))
         hidden = s > seen
         if hidden.any() and self._nodes is not None:

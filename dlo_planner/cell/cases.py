@@ -29,6 +29,7 @@ _KINKED = 0.2, 0.8    # of the length, between which
 _TURN = np.radians(0.5)  # of a camera's frame
 _CAMERA = 0.0, 0.0, 0.8  # m from the hole: where that camera is
 _OFFSET = 3e-3        # m: of a camera
+_DRIFT = 1e-3 / 60, np.radians(0.1) / 60  # m/s, rad/s: of a camera whose mount warms up
 _LATE = 0.1           # s
 _MOVED = 4.5e-3       # m: a sheet with its hole
 _REACTION = 1.0       # s before the entry: latency, two looks, coming to rest
@@ -75,6 +76,9 @@ FAULTS: dict[str, Fault] = {
         camera, turn=_direction(rng, _TURN), turned_about=np.array(_CAMERA))),
     'biased camera': lambda rng, course, camera: (course, replace(
         camera, offset=_direction(rng, _OFFSET))),
+    'drifting camera': lambda rng, course, camera: (course, replace(
+        camera, drift=_direction(rng, _DRIFT[0]), turn_drift=_direction(rng, _DRIFT[1]),
+        turned_about=np.array(_CAMERA))),
     'late stamps': lambda rng, course, camera: (course, replace(
         camera, stamp_error=float(rng.choice((-_LATE, _LATE))))),
     'moved hole': lambda rng, course, camera: (replace(

@@ -44,7 +44,7 @@ from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import Correction
 from dlo_planner.identify.estimator import DloEstimator
 from dlo_planner.identify.online_trajectory import Steered
-from dlo_planner.identify.vibration import STATED, FreeVibration
+from dlo_planner.identify.vibration import ONE_PERIOD, STATED, FreeVibration
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import clearance
@@ -59,6 +59,7 @@ _FOLLOWED = 0.3     # s after the last command until the gripper is at rest
 _SWINGS = 0.6       # of the swing that is tolerated, from which on it is taken away
 _TOLD = 2.0         # times as large a swing tells of the delay
 _SEEING, _AGAIN = 1.5, 0.25  # s, in which a swing is looked at, until it is tried again
+_LOOK_LONGER = 2.0  # times as long as a look lasts it goes on until a whole period is seen, at most
 _LONGEST_SEEING = 6.0  # s, after which it is believed to be none where nothing was seen
 _SURE = 2.0         # standard deviations by which a swing has to be told from noise
 _OF_STANDOFF = 0.2  # by which a gripper may move to take a swing away
@@ -134,7 +135,8 @@ class TaskLoop:
         self._entry: Entry | None = None
         self._correction: Correction | None = None
         self._ended = np.inf  # stamp at which the last motion began, had it gone on evenly
-        self._left = 0.0  # m of swing that the motion to the standoff leaves
+        self._departure = 0.0  # m of swing that the motion to the standoff leaves, as simulated
+        self._left = 0.0  # m of swing that is expected at the standoff
         self._stands = here  # where the gripper does while nothing is executed
         self._may_swing = False  # whether the DLO may swing, so that it is no use to look at it
         self._rests = self._sees = -np.inf  # stamps: since it does, and when that is looked at
@@ -259,12 +261,34 @@ class TaskLoop:
             return
         since = loop.calm if loop.since is not None else time
         unseen = time - since >= loop.look and observing.seen < since
-        swings = time - since >= loop.look and observing.swing > self._task.tolerance
+        swings, looked = False, time - since >= loop.look
+        if looked and not (observing.doubted or unseen):
+            if time < self._sees:
+                return
+            seen = observing.vibration(self._measured, since, self._factor, ONE_PERIOD)
+            if seen is None and time - since < _LOOK_LONGER * loop.look:  # of a slow one too little
+                self._sees = time + _AGAIN
+                return
+            swings = self._swings(seen)
         doubted = observing.doubted or swings
         loop = loop.advanced(time, doubted=doubted or unseen)
         if doubted:
             self._rest(time)
         self._to(loop, time)
+
+    def _swings(self, seen: FreeVibration | None) -> bool:
+        """Take in how the DLO swings at rest, and return whether that is too much.
+
+        What is left by the motion to here, as it was simulated, counts as far as looks allow for
+        it. What was seen in an earlier look does not count any more: a swing decays.
+        """
+        if seen is None:
+            least = self.observing.swing
+            self._left = max(self._departure, least)
+        else:
+            least, most = seen.between
+            self._left = float(np.clip(self._departure, least, most))
+        return least > self._task.tolerance
 
     def _rest(self, since: float) -> None:
         """Look only at how the DLO swings, from a time (s) on, since which the gripper stands."""
@@ -323,26 +347,30 @@ class TaskLoop:
         task, estimate = self._task, self.observing.estimate
         self._done = None
         if not isinstance(done, Entry | GripperMotion):
-            left = max(self._left, self.observing.swing)
             self._work = (partial(way_in, task, estimate, self._here, task.room_at_rest, self._lag,
-                                  left)
+                                  self._left)
                           if self._loop.at_standoff else
                           partial(way_to_standoff, task, estimate, self._here))
             return
         bound = None
         if isinstance(done, Entry):
             self._entry, self._correction = done, None
-            self._left = max(self._left, self.observing.swing)
-            bound = done.bound + self._left + done.moves
+            moves = done.moves if done.motion is not None else self._kept(done.bound)
+            bound = done.bound + self._left + moves
         loop = self._loop.advanced(time, bound, finished=True, doubted=self.observing.doubted)
         if isinstance(done, GripperMotion) and loop.phase is Phase.GO:
-            self._left = done.departure
+            self._departure = done.departure
             self._go(done)
         elif loop.phase is Phase.ENTER and isinstance(done, Entry) and bound is not None:
             assert done.motion is not None  # its bound would be infinite
             self.promised = bound
             self._go(done.motion)
         self._to(loop, time)
+
+    def _kept(self, bound: float) -> float:
+        """Return what is kept for motion, m, beside a bound at rest that leaves no room for it."""
+        task = self._task
+        return max(task.room - task.room_at_rest, float(np.nextafter(task.room, np.inf)) - bound)
 
     # ---- motion ---------------------------------------------------------------------------------
 
@@ -439,7 +467,9 @@ class TaskLoop:
 
     def _to(self, loop: ClosedLoop, time: float) -> None:
         """Take the next state of the strategy."""
-        before, self._loop, self.observing.closely = self._loop, loop, False
+        before, self._loop = self._loop, loop
+        # at the standoff a swing that is lost in noise costs room: more looks tell it sooner
+        self.observing.closely = loop.phase is Phase.LOOK and loop.at_standoff
         if loop.phase is Phase.LOOK and before.phase is Phase.PLAN:
             self._calmed, self._calmings = None, 0
             if loop.tries > before.tries:

@@ -19,6 +19,9 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import choice, flag, instance, integer, number
 from dlo_planner.model.value import Value, put
 
+_NEARLY = 1.15  # of the room: a bound that further looks may bring inside, they lower it by some %
+_PATIENT = 2    # times as many looks then
+
 
 class Phase(Enum):
     """What a driver has to do now."""
@@ -57,8 +60,9 @@ class ClosedLoop(Value):
         Part of the room: if the first bound at the standoff is larger, there is one more look;
         after that only a bound larger than the room asks for another.
     most_looks : int
-        Number of looks at the standoff, at most; if the bound still exceeds the room, the phase is
-        STOP.
+        Number of looks at the standoff, at most, and twice as many where the bound exceeds the room
+        by less than 15 %: what swings decays, and noise is averaged. If it still exceeds the room
+        then, the phase is STOP.
     most_tries : int
         How often looks may come to disagree until the phase is STOP.
     phase : Phase
@@ -208,7 +212,9 @@ class ClosedLoop(Value):
         return state._to(Phase.STOP if state.tries > state.most_tries else Phase.LOOK, time)
 
     def _at_standoff(self, time: float, bound: float) -> ClosedLoop:
-        if bound > self.share * self.room and self.looks < self.most_looks and (
+        nearly = self.room < bound <= _NEARLY * self.room
+        most = _PATIENT * self.most_looks if nearly else self.most_looks
+        if bound > self.share * self.room and self.looks < most and (
                 self.looks == 0 or bound > self.room):
             return replace(self, looks=self.looks + 1)._to(Phase.LOOK, time)
         return self._to(Phase.ENTER if bound <= self.room else Phase.STOP, time)

@@ -30,8 +30,8 @@ from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.identify.residuals import point_residuals
 from dlo_planner.identify.smoother import WORST_CAMERA, LookErrors
 from dlo_planner.identify.uncertain_state import CAMERA, CameraError
-from dlo_planner.identify.vibration import STATED, FreeVibration, enough
-from dlo_planner.model.arrays import Floats
+from dlo_planner.identify.vibration import LEAST_PERIODS, STATED, FreeVibration, enough
+from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.plan import Plan
 from dlo_planner.trajectory.modal_response import slowest_period
@@ -53,9 +53,10 @@ _SWING_STEP = 0.1    # s
 _BENT = 33           # places along the DLO
 _LASTS = 2.5         # s that a motion is looked at after its end
 _LEAST_SWINGS = 3    # looks from which a swing is told
+_ACROSS = 2          # axes along which a point is off its DLO
 _OWN = 4.0           # times the median distance: what is farther off is none of the DLO's points
 _DOUBT, _OF = 2, 8   # looks that disagree, of the last ones: fewer are left to chance
-_OFTEN = 0.06        # s between two clouds that tell of a vibration
+_OFTEN = 0.05        # s between two clouds that tell of a vibration
 _CLOUDS = 50         # by which a vibration is told
 _NO_CHANCE = 10.0    # times the surprise that one look in 10,000 exceeds
 # of the stamps' error: what is another one in each look, of which filters and queues make some
@@ -224,7 +225,8 @@ class DloEstimator:
         if known is not None and known.names == self._first.names:
             self._first = replace(self._first, covariance=self._of_dlo(known.covariance))
         self._lock = Condition()
-        self._clouds: deque[tuple[float, Floats]] = deque(maxlen=_CLOUDS)  # (stamp, points)
+        # (stamp, points, which of them were seen)
+        self._clouds: deque[tuple[float, Floats, Bools]] = deque(maxlen=_CLOUDS)
         self._swing: tuple[Swing, Callable[[float], float]] | None = None
         self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)  # (stamp, Pose)
         self.closely = False  # whether all clouds are looked at, a slip has to be seen soon
@@ -238,7 +240,7 @@ class DloEstimator:
         if len(ends) < _LEAST_SWINGS:
             return 0.0
         scatter = ((ends[:, :3] - ends[:, :3].mean(axis=0)) ** 2).sum() / (len(ends) - 1)
-        return float(np.sqrt(2 * max(scatter - 3 * ends[:, 3].mean(), 0.0)))
+        return float(np.sqrt(2 * max(scatter - _ACROSS * ends[:, 3].mean(), 0.0)))
 
     @property
     def doubted(self) -> bool:
@@ -294,11 +296,16 @@ class DloEstimator:
         with self._lock:
             self._resting = np.inf
 
-    def vibration(self, gripper: Pose, since: float,
-                  factor: tuple[float, float] = STATED) -> FreeVibration | None:
-        """Return how the DLO vibrates since the gripper stands, by all looks; None: unknown."""
+    def vibration(self, gripper: Pose, since: float, factor: tuple[float, float] = STATED,
+                  periods: float = LEAST_PERIODS) -> FreeVibration | None:
+        """Return how the DLO vibrates since the gripper stands, by all looks; None: unknown.
+
+        They have to last for some `periods` of its slowest mode. What a tracker carried along does
+        not tell that it is at rest.
+        """
         with self._lock:
-            clouds = [cloud for cloud in self._clouds if cloud[0] >= since]
+            clouds = [(stamp, points[own]) for stamp, points, own in self._clouds
+                      if stamp >= since and own.any()]
             estimate = self.estimate
         if not enough(clouds):
             return None
@@ -306,7 +313,7 @@ class DloEstimator:
         shape = estimate.simulator.solve(near.gripper, near if near.converged else None)
         return None if not shape.converged else FreeVibration.of(
             shape, [(stamp, estimate.camera_error.undone(points)) for stamp, points in clouds],
-            factor)
+            factor, periods)
 
     def _of_dlo(self, covariance: Floats) -> Floats:
         """Return the prior (n, n) with what a covariance knows of the DLO and of its gripper.
@@ -408,12 +415,10 @@ class DloEstimator:
             int))
         cloud = points[chosen]
         with self._lock:
-            before = self._clouds[-1][1] if self._clouds else cloud
-            self._clouds.append((stamp, cloud))
+            own = ~carried(self._clouds[-1][1] if self._clouds else cloud, cloud)
+            self._clouds.append((stamp, cloud, own))
             if stamp < self._resting:
                 return estimate
-        own = ~carried(before, cloud)
-        with self._lock:
             if not own.all() and not self._carries and self._disagree:
                 self._disagree[-1] = False  # then some were carried in that cloud as well
             self._carries = not own.all()
@@ -440,8 +445,10 @@ class DloEstimator:
             self._disagree.append(not after.agrees)
             if after.agrees:
                 self.estimate, self.seen = after, stamp
-                if shape is not None:
+                if shape is not None and not velocity.any():
                     self._swung(seen, shape)
+                else:
+                    self._rest = None
         if not after.converged:
             raise InvalidTask('observed_points: no equilibrium of the DLO explains them')
         return self.estimate

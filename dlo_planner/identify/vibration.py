@@ -23,7 +23,9 @@ from dlo_planner.model.arrays import Floats
 _MODES = 4         # slowest ones: two in each plane of a round DLO
 _STATIC = 4        # powers of s / L along each axis, of what does not move
 STATED = 1.0, 0.03  # factor of the frequencies, and its standard deviation, before it is seen
-_LEAST_PERIODS = 1.5  # of the slowest mode, that have to be seen
+LEAST_PERIODS = 1.5  # of the slowest mode, that have to be seen
+ONE_PERIOD = 1.0   # of it, from which on an amplitude can be told from what does not move
+_MANY = 1.64       # standard deviations, which 95 % of normal numbers do not exceed
 _LEAST_CLOUDS = 8
 _OF_RATE = 0.4     # of the clouds in a second: a higher frequency cannot be told
 _LEAST_POINTS = 60
@@ -51,10 +53,14 @@ class FreeVibration:
 
     @classmethod
     def of(cls, shape: Shape, clouds: Sequence[tuple[float, Floats]],
-           factor: tuple[float, float] = STATED) -> FreeVibration | None:
-        """Return the vibration that clouds show; None where they are too few to tell."""
+           factor: tuple[float, float] = STATED,
+           periods: float = LEAST_PERIODS) -> FreeVibration | None:
+        """Return the vibration that clouds show; None where they are too few to tell.
+
+        They have to last for some `periods` of the slowest mode.
+        """
         modes = shape.modes(_MODES)
-        if not enough(clouds, float(modes.frequencies[0])):
+        if not enough(clouds, float(modes.frequencies[0]), periods):
             return None
         length, last = shape.s[-1], clouds[-1][0]
         seen = point_residuals(shape, np.concatenate([points for _, points in clouds]))
@@ -106,13 +112,26 @@ class FreeVibration:
         ends = np.linalg.norm(self.modes.displacements[:, -1], axis=1)
         return float(np.linalg.norm(ends * np.linalg.norm(self.state, axis=0)))
 
+    @property
+    def between(self) -> tuple[float, float]:
+        """Amplitude without what noise adds to it, m, and what it is at most with 95 %.
 
-def enough(clouds: Sequence[tuple[float, Floats]], frequency: float = 0.0) -> bool:
-    """Return whether clouds last long enough, and are frequent enough, for a frequency (Hz)."""
+        Noise alone has the mean square `deviation`^2; about half of it is in each plane of the
+        slowest modes, whose four numbers say how much it varies.
+        """
+        noise = self.deviation**2
+        least = max(self.amplitude**2 - noise, 0.0)
+        varies = np.sqrt(noise**2 / 2 + least * noise)
+        return float(np.sqrt(least)), float(np.sqrt(least + _MANY * varies))
+
+
+def enough(clouds: Sequence[tuple[float, Floats]], frequency: float = 0.0,
+           periods: float = LEAST_PERIODS) -> bool:
+    """Return whether clouds last for so many periods of a frequency (Hz), and are dense enough."""
     if len(clouds) < _LEAST_CLOUDS:
         return False
     span = clouds[-1][0] - clouds[0][0]
-    return not frequency or _LEAST_PERIODS <= span * frequency <= _OF_RATE * len(clouds)
+    return not frequency or periods <= span * frequency <= _OF_RATE * len(clouds)
 
 
 def _across(vectors: Floats, tangents: Floats) -> Floats:

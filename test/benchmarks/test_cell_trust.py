@@ -63,6 +63,9 @@ def test_faults_are_what_is_stated_by_themselves_and_together():
     assert all(camera.fills_in and camera.blind == 0.3 for _, camera in drawn['filled in'])
     for name, value, size in (('turned camera', lambda d, c: c.turn, np.radians(0.5)),
                               ('biased camera', lambda d, c: c.offset, 3e-3),
+                              ('drifting camera', lambda d, c: 60 * c.drift, 1e-3),
+                              ('drifting camera', lambda d, c: 60 * c.turn_drift,
+                               np.radians(0.1)),
                               ('moved hole', lambda d, c: d.sheets_shift, 4.5e-3)):
         sizes = [np.linalg.norm(value(*one)) for one in drawn[name]]
         assert sizes == pytest.approx([size] * 10)

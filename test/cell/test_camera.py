@@ -133,6 +133,19 @@ def test_a_camera_that_is_turned_and_displaced_sees_dlo_and_hole_so(plant, rng):
     np.testing.assert_allclose(images[0][1].hole, wrong(HOLE.center + (0, 2e-3, 0)), atol=1e-9)
 
 
+def test_a_camera_that_drifts_is_off_the_more_the_later(plant, rng):
+    rates = (0.0, 0.0, 3e-3), np.array([0.0, 0.0, 0.02])
+    images = seen(plant, Camera(rate=100.0, noise=0.0, points=40, sees_hole=True, drift=rates[0],
+                                turn_drift=rates[1]), 0.3, rng)
+    hole = HOLE.center + (0, 2e-3, 0)
+    for _, image in images:
+        turn = Rotation.from_rotvec(image.stamp * rates[1]).as_matrix()
+        np.testing.assert_allclose(
+            image.hole, turn @ (hole - HOLE.center) + HOLE.center + image.stamp
+            * np.array(rates[0]), atol=1e-9)
+    assert images[-1][1].stamp > images[0][1].stamp + 0.2
+
+
 def test_a_tracker_fills_the_free_third_in_with_what_it_saw_last(rng):
     bent = Plant(Rod(1.0, 0.1, 1.0, 0.75), LEVEL, cells=16)
     viewer = Viewer(Camera(rate=100.0, latency=0.0, noise=1e-3, points=30, fills_in=True,

@@ -66,13 +66,16 @@ class Seen:
         self.seeing, self.estimate = SEEING, DloEstimator(DIRECT, SEEING).estimate
         self.doubted, self.seen, self.swing, self.off = False, np.inf, 0.0, 0.0
         self.vibrations, self.since = [], []
+        self.at_rest = []  # of each look at rest, how the DLO vibrates in it
         self.cutout_suspect = False
 
     def reopen(self, stamp=0.0):
         """Forget nothing."""
 
-    def vibration(self, gripper, since, factor):
+    def vibration(self, gripper, since, factor, periods=None):
         """See what a test says, once."""
+        if periods is not None:
+            return self.at_rest.pop(0) if self.at_rest else None
         self.since.append(since)
         return self.vibrations.pop(0) if self.vibrations else None
 
@@ -147,15 +150,17 @@ def test_what_a_plan_misses_by_itself_is_promised_once_and_said_where_it_is_refu
     assert 'as planned it misses by 0.0002 m' in cell.loop.reason
 
 
-@pytest.mark.parametrize('share', [0.95, 1.5])
-def test_what_is_refused_exceeds_the_limit_that_is_said(ways, share):
+@pytest.mark.parametrize(('share', 'looks'), [(0.95, 6), (1.5, 3)])
+def test_what_is_refused_exceeds_the_limit_that_is_said(ways, share, looks):
     cell = Cell(ways)
-    way, entry = cell.plans
-    cell.plans = [way, *[replace(entry, bound=share * task().room, motion=None)] * 3]
+    entry = cell.plans[1]
+    cell.plans = [moving(ways[0], 2e-3, 0.0),
+                  *[replace(entry, bound=share * task().room, motion=None)] * looks]
     if share > 1:  # no look has ever agreed
         observer = DloEstimator(DIRECT, EstimatorConfig(SPREAD))._observer
         cell.seen.estimate = observer.reopened(observer.begin(), 5e-3, 0.05, camera=4.0)
     cell.until(lambda: cell.loop.phase is Phase.STOP)
+    assert not cell.plans  # nearly inside it looks more often
     said = re.search(r'by (\S+) m \(95 %\): expected at most (\S+) m', cell.loop.reason)
     miss, most = map(float, said.groups())
     assert miss == pytest.approx(share * task().room, rel=1e-2)
@@ -171,6 +176,46 @@ def test_a_swing_that_is_seen_delays_and_is_promised(ways):
     assert cell.loop.phase is Phase.LOOK
     cell.seen.swing = 5e-4
     assert cell.entering().loop.promised == pytest.approx(1e-3 + 5e-4 + 4e-4)
+
+
+def vibrating(amplitude, deviation):
+    """Return a vibration of an amplitude, m, as it is seen, and what noise alone would give."""
+    modes = DIRECT.solve(START).modes(1)
+    state = np.array([[amplitude / np.linalg.norm(modes.displacements[0, -1])], [0.0]])
+    return FreeVibration(modes, 0.0, state, STATED, 1e-3, deviation)
+
+
+@pytest.mark.parametrize(('seen', 'deviation', 'counts'), [
+    (1e-3, 1e-5, 1e-3),   # more than was simulated
+    (1e-6, 1e-5, 1.1e-5),  # less
+    (3e-4, 5e-4, 3e-4)])  # noise: what was simulated, 0.3 mm
+def test_a_swing_counts_as_far_as_it_is_seen_and_else_as_it_was_simulated(ways, seen, deviation,
+                                                                           counts):
+    cell = Cell(ways)
+    cell.seen.at_rest = [vibrating(1e-5, 1e-5), vibrating(seen, deviation)]
+    promised = cell.entering().loop.promised
+    assert promised == pytest.approx(1e-3 + 4e-4 + counts, abs=1e-6)
+
+
+@pytest.mark.parametrize('seen', [True, False])
+def test_a_look_lasts_until_a_period_of_a_slow_swing_is_seen_but_at_most_twice_as_long(ways, seen):
+    cell = Cell(ways)
+    cell.loop._loop = replace(cell.loop._loop, look=2.0)
+    cell.seen.at_rest = [None, None] + [vibrating(1e-5, 1e-5)] * seen
+    cell.until(lambda: cell.loop.phase is Phase.PLAN)
+    lasts = 2.0 + 2 * 0.25 if seen else 2 * 2.0
+    assert lasts <= cell.time <= lasts + 0.25 + 4 * PERIOD
+
+
+def test_a_swing_that_is_over_costs_no_room(ways):
+    cell = Cell(ways)
+    way, entry = cell.plans
+    cell.plans = [way, entry, entry]
+    # with the first the bound is above the room, and there is another look
+    cell.seen.at_rest = [vibrating(size, 1e-5) for size in (1e-5, 0.99 * task().tolerance, 1e-5)]
+    cell.plans[1] = replace(entry, bound=0.8 * task().room)
+    assert cell.entering().loop.promised < 1e-3 + 4e-4 + 1e-4
+    assert cell.loop.tries == 0 and not cell.plans
 
 
 def test_a_swing_is_taken_away_before_it_is_planned(ways):

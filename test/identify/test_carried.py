@@ -88,3 +88,41 @@ def test_where_points_begin_to_be_carried_a_look_may_disagree_and_is_no_doubt(rn
         assert not out.doubted, k
     assert min(surprises[10::3]) > 1
     assert max(surprises[9::3]) <= 1
+
+
+def test_a_carried_end_does_not_tell_that_the_dlo_is_at_rest(rng):
+    direct, hidden = DirectSimulator(WIRE), S > 0.6
+    places, told = direct.solve(START).positions_at(S), []
+    for fills_in in (False, True):
+        out = DloEstimator(direct, EstimatorConfig(SPREAD, NOISE))
+        for time in np.arange(0.0, 5.1, 0.1):
+            out.gripper(time, START)
+        last = places
+        for stamp in np.arange(1.0, 5.0, 0.1):
+            points = places + NOISE * rng.normal(size=places.shape)
+            if fills_in:
+                points[hidden] = last[hidden]
+            out.look(stamp, points)
+            last = points
+        told.append(out.vibration(START, 1.05))
+    assert told[0].between[1] < 2 * NOISE
+    assert told[1] is None
+
+
+@pytest.mark.parametrize('amplitude', [1.5e-3, 4e-3])
+def test_a_swing_is_what_points_scatter_across_the_dlo_less_their_noise(amplitude):
+    """Along the DLO a point tells nothing: two axes have noise, not three."""
+    direct, s, noise = DirectSimulator(WIRE), np.linspace(0.3, 1.0, 8) * WIRE.length, 2e-3
+    shape, found = direct.solve(START), []
+    axes = shape.frame_at(float(shape.s[-1]))[0]
+    places, share = shape.positions_at(s), (s / WIRE.length)[:, None]**2
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        out = DloEstimator(direct, EstimatorConfig(SPREAD, noise, sway=amplitude))
+        for time in np.arange(0.0, 7.1, 0.1):
+            out.gripper(time, START)
+        for stamp in np.arange(1.0, 7.0, 0.21):
+            swing = amplitude * np.cos(2 * np.pi * 0.9 * stamp) * axes[:, 1]
+            out.look(stamp, places + share * swing + noise * rng.normal(size=(s.size, 3)))
+        found.append(out.swing)
+    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(amplitude, rel=0.15)

@@ -257,7 +257,10 @@ def test_the_strategy_goes_in_when_it_is_sure():
 
 @pytest.mark.parametrize(('bounds', 'end'), [
     ([2e-3, 2e-3], Phase.ENTER), ([9e-3, 4e-3], Phase.ENTER),
-    ([9e-3] * 4, Phase.STOP), ([float('inf')] * 4, Phase.STOP)])
+    ([9e-3] * 4, Phase.STOP), ([float('inf')] * 4, Phase.STOP),
+    # more looks may bring it inside
+    ([5.5e-3] * 7, Phase.STOP), ([5.5e-3] * 6 + [4e-3], Phase.ENTER),
+    ([5.5e-3] * 4 + [6e-3], Phase.STOP)])
 def test_the_strategy_looks_again_where_it_is_not(bounds, end):
     loop = ClosedLoop(5e-3, look=1.0, phase=Phase.GO, since=0.0)
     time = 0.0

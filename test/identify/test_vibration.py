@@ -17,7 +17,7 @@ from dlo_planner.cell.robot import Robot
 from dlo_planner.cell.tasks import draw_task
 from dlo_planner.execute.limiter import frames_of, used
 from dlo_planner.execute.loop_motions import Calming
-from dlo_planner.identify.vibration import FreeVibration
+from dlo_planner.identify.vibration import ONE_PERIOD, FreeVibration
 
 PERIOD = 0.02
 TASK = draw_task(0, 'wire 1.5', 5e-3)
@@ -76,6 +76,27 @@ def test_frequency_and_amplitude_are_those_of_the_engine():
     moved = cell.ends[-1] - before
     assert moved == pytest.approx(
         ahead - seen.end(seen.after(cell.plant.time - half - seen.stamp))[0], abs=1.5e-3)
+
+
+@pytest.mark.parametrize('amplitude', [0.0, 5e-4, 3e-3])
+def test_an_amplitude_is_told_without_its_noise_and_bounded(amplitude):
+    shape, rng = DirectSimulator(TASK.rod).solve(TASK.start), np.random.default_rng(5)
+    modes, length, found = shape.modes(2), TASK.rod.length, []
+    moved = modes.displacements[0] / np.linalg.norm(modes.displacements[0, -1])
+    times = np.arange(0, 1.2 / modes.frequencies[0], 1 / 15)
+    for phase in rng.uniform(0, 2 * np.pi, 60):
+        clouds = []
+        for time in times:
+            s = rng.uniform(0.2, 1.0, 20) * length
+            swing = amplitude * np.cos(2 * np.pi * modes.frequencies[0] * time + phase)
+            off = swing * np.column_stack([np.interp(s, modes.s, part) for part in moved.T])
+            clouds.append((time, shape.positions_at(s) + off + 1e-3 * rng.normal(size=off.shape)))
+        assert FreeVibration.of(shape, clouds) is None  # a part of a period tells no frequency
+        found.append(FreeVibration.of(shape, clouds, periods=ONE_PERIOD).between)
+    least, most = np.array(found).T
+    assert np.mean(most >= amplitude) >= 0.9  # 95 %, by 60 draws
+    assert np.sqrt(np.mean(least**2)) == pytest.approx(amplitude, abs=2.5e-4)
+    assert np.median(most) < amplitude + 8e-4
 
 
 def test_a_vibration_is_taken_away_once_it_is_known_how_late_a_robot_is():
