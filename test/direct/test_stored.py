@@ -61,7 +61,7 @@ def test_a_past_that_cannot_be_is_refused_by_name(tmp_path, saved, name):
 
 @pytest.mark.parametrize(('name', 'content', 'said'), [
     ('point_element', 10**6, 'integers'), ('point_element', -1, 'from 0 to 6|from 0 to 7'),
-    ('point_obstacle', -2, 'from -1 to 0'), ('point_fraction', 1.5, 'from 0 to 1'),
+    ('point_obstacle', -2, 'from -1 to 0'), ('point_fraction', 1.5, 'from -1 to 1'),
     ('s', 2.0, 'arc lengths that grow from 0 to 1'), ('lost', -1.0, 'from 0')])
 def test_numbers_that_kernels_would_index_by_are_in_range(tmp_path, saved, name, content, said):
     array = array_of(saved[f'past_{name}'])
