@@ -63,13 +63,22 @@ def test_values_are_declared_with_the_types_and_limits_of_the_table(context):
 
 
 @pytest.mark.parametrize(('given', 'named'), [
-    ({}, 'rod.length, rod.diameter, rod.density'), ({'rod__length': 2.0}, 'rod.diameter'),
+    ({'rod__name': 'mine'}, 'rod.length, rod.diameter, rod.density'),
+    ({'rod__length': 2.0}, 'rod.diameter'),
     ({'rod__mas_per_length': 0.1}, 'mas_per_length does not exist'),
     ({'rod__section': 'stiffness'}, 'rod.bending_stiffness')])
 def test_no_wire_stands_in_for_a_dlo_that_is_described_in_part(context, given, named):
     node = node_with(context, **given)
     with pytest.raises(InvalidTask, match=named):
         declare(node)
+    node.destroy_node()
+
+
+def test_a_node_that_is_told_nothing_of_a_dlo_has_the_launch_files(context):
+    node = node_with(context)
+    declare(node)
+    assert node.get_parameter('rod.length').value == 1.0
+    assert node.get_parameter('rod.diameter').value == 1e-3
     node.destroy_node()
 
 
