@@ -4,9 +4,9 @@
 
 A step is taken as it is where nothing speaks against it: no more motion than the grips can cause,
 no energy lost that neither work nor friction accounts for, no unstable shape on the way (`sound`).
-Where a contact comes, goes, turns over an edge, or begins to slide, two half steps
-have to lead to the same shape as well; where one goes, the step is short. Any other step is made in
-halves. What is still in doubt in the shortest parts is a fall: it is made, and said.
+Where a contact comes, goes, turns over an edge, or begins to slide, two half steps have to lead to
+the same shape as well; where one goes, the step is short. Any other step is made in halves. What is
+still in doubt in the shortest parts is a fall: it is made, and said.
 """
 
 from __future__ import annotations
