@@ -23,7 +23,6 @@ from dlo_planner.identify.correction import correct
 from dlo_planner.identify.fit import fit_rod
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
-from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.equilibria import hanging_shapes
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks.thread import Thread
@@ -36,6 +35,7 @@ from dlo_planner.parallel.batch import solve_many
 from dlo_planner.plan.goals import AwayFrom, Through
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
+from dlo_planner.uncertainty.parameters import Uncertainty
 from dlo_planner.verify.replay import replay
 
 _THIN = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)

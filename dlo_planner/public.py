@@ -20,7 +20,6 @@ from dlo_planner.errors import (
 from dlo_planner.identify.closed_loop import ClosedLoop
 from dlo_planner.identify.fit import fit_rod
 from dlo_planner.identify.observer import Observer
-from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
 from dlo_planner.inverse.tasks.insert import Insert
@@ -39,6 +38,7 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.trajectory.trajectory import Trajectory
+from dlo_planner.uncertainty.parameters import Uncertainty
 from dlo_planner.verify.replay import replay
 from dlo_planner.verify.robustness import robustness
 

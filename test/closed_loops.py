@@ -27,9 +27,9 @@ from dlo_planner import (  # noqa: E402
     Uncertainty,
 )
 from dlo_planner.identify import Observation, correct  # noqa: E402
-from dlo_planner.identify.parameters import variation_deviations  # noqa: E402
 from dlo_planner.model.varying import Expanded  # noqa: E402
 from dlo_planner.penalties import Through  # noqa: E402
+from dlo_planner.uncertainty.parameters import variation_deviations  # noqa: E402
 
 SPREAD = Uncertainty(bending_stiffness=0.05, torsional_stiffness=0.05, mass=0.02, length=1e-3,
                 natural_curvature=0.05, curvature_variation=0.03, gripper_position=0.5e-3,

@@ -40,7 +40,7 @@ from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.scene import signed_distance
 from dlo_planner.geometry.basis import equidistribute
 from dlo_planner.geometry.kinematics import frame_along, nearest_place
-from dlo_planner.identify import Observation, correct, parameters, residuals
+from dlo_planner.identify import Observation, correct, residuals
 from dlo_planner.identify.residuals import nearest
 from dlo_planner.inverse.equilibria import integrate_from_tip
 from dlo_planner.inverse.waypoint_newton import follow_goals, solve_goals
@@ -62,6 +62,7 @@ from dlo_planner.minimize.solve import follow_step, solve_free, solve_step
 from dlo_planner.penalties import PositionAt, Through
 from dlo_planner.plan import clearance, swept, workspace
 from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
+from dlo_planner.uncertainty import parameters
 
 _KINDS = 3
 KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_along,

@@ -36,7 +36,6 @@ from dlo_planner.execute.loop_motions import LoopTask
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
-from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks.approach import Approach
 from dlo_planner.inverse.tasks.thread import Thread
@@ -45,6 +44,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, concatenate
 from dlo_planner.plan.requirements import Limits, Requirements
 from dlo_planner.trajectory.trajectory import Trajectory
+from dlo_planner.uncertainty.parameters import Uncertainty
 
 Command = Callable[[Sequence[Image], float, Pose], Pose | None]
 Driver = Callable[[Task], Command]

@@ -24,7 +24,6 @@ from dlo_planner.energy.loads import node_forces
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.identify.estimate import Estimate, PredictedMiss, miss_of, passages_in
-from dlo_planner.identify.uncertain_state import stretched
 from dlo_planner.inverse.route import thinned
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.waypoint_newton import follow, free_axis
@@ -46,6 +45,7 @@ from dlo_planner.plan.goal_rows import (
 from dlo_planner.plan.goals import DirectionAt, GripperNear, PositionAt, Residuals
 from dlo_planner.plan.plan import Plan, moved_sheet
 from dlo_planner.plan.waypoint import Waypoint, length_of
+from dlo_planner.uncertainty.state import stretched
 
 _LOOKED_AT = 3   # waypoints at which the miss that remains is predicted
 _STILL = 1e-3    # weight of the planned gripper, which decides only what is left free

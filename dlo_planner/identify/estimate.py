@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.uncertain_state import CameraError, PointSlopes, UncertainState
 from dlo_planner.inverse.plain_tasks import write_value
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import (
@@ -42,7 +41,9 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, put
 from dlo_planner.pictured import Reported
 from dlo_planner.plan.goals import Through
+from dlo_planner.plan.margin import miss_slopes
 from dlo_planner.plan.plan import Passes, Plan, moved_sheet, passages
+from dlo_planner.uncertainty.state import CameraError, PointSlopes, UncertainState
 
 _LEAST_LINK = 1e-3  # of the robot's time or way: links between errors stay regular
 _ROUGH = 2.5      # times the way of a smooth process: then both change alike in that way
@@ -542,7 +543,7 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
 def _miss_at(estimate: Estimate, slopes_at: PointSlopes, known: Floats, later: Floats,
              goal: Through) -> tuple[Floats, Floats, float]:
     """Return the miss (3,) of one goal, m, its slopes (3, n + 6) and its bound, m."""
-    off, slopes, across = slopes_at.miss(goal)
+    off, slopes, across = miss_slopes(slopes_at, goal)
     columns, number = estimate.uncertain.columns('cutout')
     slopes[:, columns] -= across[:, number]
     robot = slopes[:, estimate.mean.size:]

@@ -26,16 +26,16 @@ from dlo_planner.identify.carried import carried
 from dlo_planner.identify.estimate import Estimate, way_between
 from dlo_planner.identify.observation import Observation, gripper_at
 from dlo_planner.identify.observer import Observer
-from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.identify.residuals import point_residuals
 from dlo_planner.identify.smoother import WORST_CAMERA, LookErrors
-from dlo_planner.identify.uncertain_state import CAMERA, CameraError
 from dlo_planner.identify.vibration import LEAST_PERIODS, STATED, FreeVibration, enough
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.plan import Plan
 from dlo_planner.trajectory.modal_response import slowest_period
 from dlo_planner.trajectory.timed_path import TimedPath
+from dlo_planner.uncertainty.parameters import Uncertainty
+from dlo_planner.uncertainty.state import CAMERA, CameraError
 
 _REMEMBERED = 1000   # gripper poses: 2 s of them at 500 Hz
 _ABOUT = 0.25        # s before and after a stamp: of which speed and acceleration are told

@@ -31,7 +31,6 @@ from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.identify.noise_model import LOSSES, MEstimator, Statistics
 from dlo_planner.identify.observation import Observation, ObservedMotion, check_points
-from dlo_planner.identify.parameters import Uncertainty, Unknowns
 from dlo_planner.identify.residuals import ROUGHLY, MeasurementModel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
@@ -40,6 +39,7 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, brief, figures, put
 from dlo_planner.pictured import Answer
 from dlo_planner.progress import OnProgress, Progress, interrupted_by
+from dlo_planner.uncertainty.parameters import Uncertainty, Unknowns
 
 _Seen: TypeAlias = tuple[tuple[Observation, ...], tuple[ObservedMotion, ...]]
 _STARTS = (0.0, -0.7, 0.7)  # logarithms of stiffness from which the search begins

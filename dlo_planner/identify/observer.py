@@ -19,7 +19,6 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate, RobotError
 from dlo_planner.identify.observation import Observation
-from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.identify.smoother import (
     LagWindow,
     LookErrors,
@@ -28,11 +27,12 @@ from dlo_planner.identify.smoother import (
     limit_of,
     window_of,
 )
-from dlo_planner.identify.uncertain_state import CAMERA, UncertainState, turning
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, instance, integer, number, vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
+from dlo_planner.uncertainty.parameters import Uncertainty
+from dlo_planner.uncertainty.state import CAMERA, UncertainState, turning
 
 _LONGER = 5.0  # standard deviations of the length by which an arc length may exceed it
 

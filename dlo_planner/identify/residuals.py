@@ -23,12 +23,12 @@ from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.so3 import left_jacobian
 from dlo_planner.identify.branches import seen_starts
 from dlo_planner.identify.observation import Observation, ObservedMotion
-from dlo_planner.identify.parameters import ParameterizedMesh, Unknowns
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.progress import Progress
+from dlo_planner.uncertainty.parameters import ParameterizedMesh, Unknowns
 
 MOVED = 1e-3  # of a unit: for differences of motions
 _AT_REST, _IN_MOTION = 1e-6, 1e-4  # relative errors of the derivatives

@@ -32,9 +32,9 @@ from dlo_planner.identify.estimate import Estimate, RobotError, way_between
 from dlo_planner.identify.noise_model import Mixture, mixture, mixture_cost
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.residuals import from_either_end, point_residuals
-from dlo_planner.identify.uncertain_state import CALIBRATION, PointSlopes
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.uncertainty.state import CALIBRATION, PointSlopes
 
 _POSES = 4        # of the gripper, whose looks are remembered
 _LOOKS = 8        # remembered at each of them

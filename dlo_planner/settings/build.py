@@ -14,7 +14,6 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.fit import Fit
-from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, vector
@@ -25,6 +24,7 @@ from dlo_planner.model.varying import Expanded
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.settings.parameters import PARAMETERS, unknown_parameter
+from dlo_planner.uncertainty.parameters import Uncertainty
 
 # What describes a DLO of each section; none of it has a default that could be meant.
 _SOLID = ('density', 'youngs_modulus', 'poisson_ratio')

@@ -19,14 +19,15 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.parameters import CAUSES, VARIATION, Uncertainty
-from dlo_planner.identify.uncertain_state import UncertainState, stretched
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.value import brief, put, same
 from dlo_planner.pictured import Answer
+from dlo_planner.plan.margin import miss_slopes
 from dlo_planner.plan.plan import Passes, Plan, passages
 from dlo_planner.progress import OnProgress, Progress, interrupted_by
+from dlo_planner.uncertainty.parameters import CAUSES, VARIATION, Uncertainty
+from dlo_planner.uncertainty.state import UncertainState, stretched
 
 _AT_ONCE = 25   # samples in one piece of work
 
@@ -193,7 +194,7 @@ def _first_order(uncertain: UncertainState, plan: Plan, progress: Progress) -> F
         progress.check()
         squares, slopes_at = np.zeros((len(passes), len(CAUSES))), uncertain.slopes(stated, shape)
         for square, goal in zip(squares, passages(passes, float(shape.s[-1])), strict=True):
-            off = slopes_at.miss(goal)[1]
+            off = miss_slopes(slopes_at, goal)[1]
             np.add.at(square, causes, (off**2).sum(axis=0) * uncertain.deviations**2)
         out[k] = np.sqrt(squares[np.argmax(squares.sum(axis=1))])
     return out

@@ -23,8 +23,8 @@ from dlo_planner import (
 from dlo_planner.execute.loop_motions import LoopTask
 from dlo_planner.identify import correct
 from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
-from dlo_planner.identify.uncertain_state import CameraError
 from dlo_planner.model.varying import Expanded
+from dlo_planner.uncertainty.state import CameraError
 
 DIRECT = DirectSimulator(WIRE)
 PLAN = plan_of(depths=np.linspace(0, 0.3, 3))

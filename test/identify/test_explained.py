@@ -13,9 +13,9 @@ from scipy.stats import t as student
 from dlo_planner import DirectSimulator, FarEnd, InvalidTask, Observer, Pose, Rod, Uncertainty
 from dlo_planner.identify import Observation
 from dlo_planner.identify.fit import fit_rod, student_widening
-from dlo_planner.identify.parameters import Unknowns
 from dlo_planner.identify.residuals import MeasurementModel, picture_residuals
 from dlo_planner.progress import Progress
+from dlo_planner.uncertainty.parameters import Unknowns
 
 TRUE = Rod(1.0, 0.07, 0.02, 0.015)
 GUESS = replace(TRUE, bending_stiffness=0.03)

@@ -17,9 +17,9 @@ from dlo_planner import (
     fit_rod,
 )
 from dlo_planner.identify import Observation, ObservedMotion
-from dlo_planner.identify.parameters import Unknowns
 from dlo_planner.identify.residuals import MeasurementModel
 from dlo_planner.progress import Progress
+from dlo_planner.uncertainty.parameters import Unknowns
 
 TRUE = Rod(1.0, 0.07, (0.02, 0.03), 0.015, natural_curvature=(0.3, -0.2))
 POSES = [Pose((0, 0, 1), Rotation.from_rotvec(v).as_quat())

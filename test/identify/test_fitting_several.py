@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import DirectSimulator, FarEnd, InvalidTask, Pose, Rod, Uncertainty, fit_rod
 from dlo_planner.direct.boundary_motion import GripTrajectory
 from dlo_planner.identify import Observation, ObservedMotion
-from dlo_planner.identify.parameters import Unknowns
 from dlo_planner.identify.residuals import MeasurementModel, positions_in_motion
 from dlo_planner.progress import Progress
 from dlo_planner.results import Motion
+from dlo_planner.uncertainty.parameters import Unknowns
 
 MESH = {'basis': 'local', 'n_elements': 16}
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))

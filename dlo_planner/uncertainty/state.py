@@ -20,18 +20,17 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.geometry.so3 import left_jacobian
-from dlo_planner.identify.parameters import (
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import Value, put
+from dlo_planner.uncertainty.parameters import (
     ParameterizedMesh,
     RodParameters,
     Uncertainty,
     moved_points,
     variation_deviations,
 )
-from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import Value, put
-from dlo_planner.plan.goals import Through
 
 CALIBRATION = 'camera', 'camera_rotation'  # numbers of what is wrong with that of a camera
 CAMERA = *CALIBRATION, 'stamps'
@@ -247,15 +246,6 @@ class PointSlopes(NamedTuple):
         out[:, :, self.turned] += np.cross(self.about.T[None], arms[:, None]).transpose(0, 2, 1)
         out[:, :, self.placed] += self.along
         return out
-
-    def miss(self, goal: Through) -> tuple[Floats, Floats, Floats]:
-        """Return by how much the Shape misses a point, (3,) m, and the slopes (3, n) of that.
-
-        They are across the DLO, which may pass elsewhere along itself; (3, 3) is what is across.
-        """
-        s, (off, tangent, _) = goal.nearest(self.shape)
-        across = np.eye(3) - np.outer(tangent, tangent)
-        return off, across @ self(np.array([s]))[0], across
 
 
 def stretched(shape: Shape, length: float) -> Shape:
