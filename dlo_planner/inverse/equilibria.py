@@ -134,21 +134,31 @@ class HangingShapes:
 def hanging_shapes(surroundings: Surroundings, s: Floats) -> HangingShapes | None:
     """Return a DLO's HangingShapes, s (N + 1,); None if loads are not along one axis, or zero."""
     mesh = Discretization(surroundings, s, 'local', 0)
-    load = mesh.static.pull
+    up = common_axis(mesh.static.pull)
+    if up is None:
+        return None
+    directions, edges = sphere(_POINTS)
+    frames, positions, stability = _hang(mesh.static, frames_with(directions, up))
+    return HangingShapes(up, s, frames, positions, stability, edges)
+
+
+def common_axis(load: Floats) -> Floats | None:
+    """Return the unit vector (3,) along the strongest of loads (n, 3) if all are, either way.
+
+    None if they are not, or if there is no load.
+    """
     size = np.linalg.norm(load, axis=1)
     strongest = load[np.argmax(size)]
     if not size.max() > 0:
         return None
-    up = strongest / np.linalg.norm(strongest)
-    if np.linalg.norm(np.cross(load, up), axis=1).max() > _PARALLEL * size.max():
+    along: Floats = strongest / np.linalg.norm(strongest)
+    if np.linalg.norm(np.cross(load, along), axis=1).max() > _PARALLEL * size.max():
         return None
-    directions, edges = _sphere(_POINTS)
-    frames, positions, stability = _hang(mesh.static, _ends(directions, up))
-    return HangingShapes(up, s, frames, positions, stability, edges)
+    return along
 
 
 @lru_cache(maxsize=2)
-def _sphere(n: int) -> tuple[Floats, Ints]:
+def sphere(n: int) -> tuple[Floats, Ints]:
     """Return n points (n, 3) spread evenly over the unit sphere, and their neighbors (m, 2)."""
     k = np.arange(n) + 0.5
     z, turn = 1 - 2 * k / n, np.pi * (1 + np.sqrt(5)) * k  # a Fibonacci lattice
@@ -159,7 +169,7 @@ def _sphere(n: int) -> tuple[Floats, Ints]:
     return points, np.unique(np.sort(edges, axis=1), axis=0)
 
 
-def _ends(directions: Floats, up: Floats) -> Floats:
+def frames_with(directions: Floats, up: Floats) -> Floats:
     """Return (n, 3, 3) frames in which the world's `up` has these components (n, 3)."""
     across = np.cross(np.eye(3)[np.argmin(np.abs(directions), axis=1)], directions)
     across /= np.linalg.norm(across, axis=1)[:, None]
@@ -231,7 +241,7 @@ def crossings(shapes: HangingShapes, vectors: Floats, goal: Floats, s: float | F
     near = _touching(shapes, misfit, float(np.linalg.norm(goal)))
     a, b, share = np.append(a, near), np.append(b, near), np.append(share, np.zeros(near.size))
     places = -shapes.at(s)[0]
-    turns = [_headings(vectors[k], goal, up) for k in (a, b)]
+    turns = [headings_to(vectors[k], goal, up) for k in (a, b)]
     which = np.repeat(np.arange(a.size), len(turns[0]) // max(a.size, 1)) if a.size else a
     a, b, share = a[which], b[which], share[which]
     blend = share[:, None, None]
@@ -258,7 +268,7 @@ def _touching(shapes: HangingShapes, misfit: Floats, scale: float) -> Ints:
     return np.flatnonzero(least & (shapes.stability > 0))
 
 
-def _headings(vectors: Floats, goal: Floats, up: Floats) -> Floats:
+def headings_to(vectors: Floats, goal: Floats, up: Floats) -> Floats:
     """Return (m, 3, 3) turns about `up` that bring vectors (m, 3) to `goal`.
 
     Where the goal is vertical every heading does: then each vector has _HEADINGS turns, in a row.

@@ -85,7 +85,8 @@ class PlanContext:
         return Judge(
             speeds, self.progress, required.workspace, () if touched else around,
             around if touched else (), Surface.of(rod), tolerance=required.tolerance,
-            stability=required.stability,
+            stability=required.stability, uncertainty=required.uncertainty,
+            margin=required.margin,
             yield_limits=_yield_limits(self.given.rod), allow_plastic=required.allow_plastic,
             simulator=None if touched else self.simulator.without_obstacles())
 

@@ -28,6 +28,7 @@ from dlo_planner.plan.plan import (
 )
 from dlo_planner.plan.swept import violation_between
 from dlo_planner.plan.waypoint import Waypoint
+from dlo_planner.uncertainty.parameters import Uncertainty
 
 
 class PlanBuilder:
@@ -116,7 +117,7 @@ class PlanBuilder:
     def _plan(self, status: PlanStatus) -> Plan:
         stops = tuple(stop for stop in self._stops if stop < len(self.waypoints))
         return build_plan(self.waypoints, self._depths, self._demands.speeds, status, stops,
-                          self._rooms, self._used)
+                          self._rooms, self._used, self._demands.uncertainty)
 
 
 def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
@@ -148,7 +149,8 @@ def _refusal(what: str, index: int, depths: Floats, constraint: str, amount: flo
 
 def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[float, float],
                status: PlanStatus, stops: tuple[int, ...] = (),
-               rooms: Sequence[float] = (), used: Sequence[float] = ()) -> Plan:
+               rooms: Sequence[float] = (), used: Sequence[float] = (),
+               uncertainty: Uncertainty | None = None) -> Plan:
     """Return the Plan of Waypoints at the first of the `depths`; speeds: m/s, rad/s; rooms: m.
 
     used: of the yield limits, 1 where the DLO begins to yield.
@@ -164,7 +166,8 @@ def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[floa
                 waypoints[-1].sheets if waypoints else (),
                 len(waypoints) / len(depths), status, stops,
                 clearance=np.array(rooms or [waypoint.clearance for waypoint in waypoints]),
-                yield_utilization=np.array(used or [np.nan] * len(waypoints)))
+                yield_utilization=np.array(used or [np.nan] * len(waypoints)),
+                uncertainty=uncertainty)
 
 
 def refusal_for_accuracy(simulator: DirectSimulator, builder: PlanBuilder,

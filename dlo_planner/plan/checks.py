@@ -22,9 +22,11 @@ from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import Bodies
+from dlo_planner.plan.margin import least_margin
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import Progress
+from dlo_planner.uncertainty.parameters import Uncertainty
 
 _LIGHTER = 1e-3  # of a least force: what a mesh makes of it
 _TOUCHES = 1e-9  # of the length: rounding errors of a distance
@@ -89,6 +91,8 @@ class Judge:
     wrench_limits: tuple[float | None, float | None] = (None, None)
     # largest angle of the DLO against its direction at a waypoint, rad. If None, any
     angle_tolerance: float | None = None
+    uncertainty: Uncertainty | None = None  # of the DLO and its gripper; None: the usual one
+    margin: float | None = None  # least margin in a cut-out, m. If None, any
 
     def silent(self) -> Judge:
         """Return the same demands for a search, whose steps are not reported."""
@@ -137,6 +141,13 @@ class Judge:
                 continue  # that is its clearance
             yield Margin('clearance', body.exact(shape),
                          f'the DLO is {{over:.3g}} m in {type(obstacle).__name__} {index}')
+        if self.margin is not None:
+            found = least_margin(self.uncertainty, shape, [s for _, s, _ in waypoint.via_points],
+                                 waypoint.clearances)
+            if not np.isnan(found):
+                yield Margin('margin', found - self.margin, 'of the clearance {found:.3g} m would '
+                             'be left, less two standard deviations of the expected miss, margin '
+                             '= {limit:g} m', found, self.margin)
         yield Margin('stability', shape.stability - self.stability, 'the DLO would hardly stay in '
                      'this shape: stability {found:.3g}, at least {limit:g} is required',
                      shape.stability, self.stability, '')

@@ -1,12 +1,87 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What uncertainty leaves of the room in a hole: clearance less the miss that is to be expected."""
+"""What uncertainty leaves of the room in a hole: clearance less the miss that is to be expected.
+
+The miss grows as 1 / stability, the clearance falls only as the cosine of the angle at which the
+DLO passes: what is largest is the difference of both. It is to first order, for an `Uncertainty`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.rod import Rod, Surface
+from dlo_planner.model.supports import Surroundings
 from dlo_planner.plan.goals import Through
-from dlo_planner.uncertainty.state import PointSlopes
+from dlo_planner.uncertainty.parameters import VARIATION, Uncertainty
+from dlo_planner.uncertainty.state import PointSlopes, UncertainState
+
+DEVIATIONS = 2.0  # standard deviations of the miss that a margin leaves room for
+
+
+def usual_uncertainty(rod: Rod) -> Uncertainty:
+    """Return the Uncertainty of a DLO that was weighed and bent, in a robot that is calibrated."""
+    return Uncertainty(bending_stiffness=0.02, mass=0.01, natural_curvature=0.004 / rod.length,
+                       gripper_position=0.001 * rod.length, gripper_rotation=0.001)
+
+
+def upright_room(cutout: CutOut, surface: Surface) -> float:
+    """Return the room (m) in a CutOut of a DLO that passes its center upright; inf: no size.
+
+    Of a rectangular DLO, at any roll; if there is none, at the best roll.
+    """
+    half = cutout.radius if cutout.radius is not None else (
+        np.inf if cutout.width is None or cutout.height is None
+        else 0.5 * min(cutout.width, cutout.height))
+    return half - surface.bound if half > surface.bound else half - surface.least
+
+
+@lru_cache(maxsize=4)
+def uncertain_state(around: Surroundings, uncertainty: Uncertainty | None) -> UncertainState:
+    """Return the UncertainState of a DLO that hangs freely; None: the usual Uncertainty."""
+    uncertainty = uncertainty or usual_uncertainty(around.rod)
+    return UncertainState(DirectSimulator(
+        around.rod, gravity=around.gravity, load=around.load, point_loads=around.point_loads),
+        uncertainty, 1 + VARIATION)
+
+
+def expected_misses(uncertain: UncertainState, shape: Shape, s: Floats) -> Floats:
+    """Return (k,) standard deviations (m) of where a Shape passes its points at s (k,), m.
+
+    Across the DLO, which may pass elsewhere along itself: the root of the sum over both directions.
+    """
+    if not uncertain.size:
+        return np.zeros(len(s))
+    slopes = uncertain.slopes(np.zeros(uncertain.size), shape)(s) * uncertain.deviations
+    tangents = np.array([shape.frame_at(one)[0][:, 0] for one in s.tolist()])
+    along = np.einsum('ki,kij->kj', tangents, slopes)
+    result: Floats = np.sqrt(np.maximum((slopes**2).sum(axis=(1, 2)) - (along**2).sum(axis=1), 0.0))
+    return result
+
+
+def least_margin(uncertainty: Uncertainty | None, shape: Shape, arcs: Sequence[float],
+                 clearances: Iterable[Sequence[float] | Floats]) -> float:
+    """Return the least margin (m) of a Shape that passes cut-outs at some arc lengths, m.
+
+    Of each one that it has come to the clearances are known. nan: none of them has a size, the
+    DLO is held or touches something, or the shape comes from a file.
+    """
+    mesh = shape.state.mesh
+    sized = [(s, float(min(rooms))) for s, rooms in zip(arcs, clearances, strict=False)
+             if min(rooms) < np.inf]
+    if not sized or mesh is None or shape.contacts or shape.far_end is not None:
+        return np.nan
+    misses = expected_misses(uncertain_state(mesh.surroundings, uncertainty), shape,
+                             np.array([s for s, _ in sized]))
+    return min(room - DEVIATIONS * float(miss)
+               for (_, room), miss in zip(sized, misses, strict=True))
 
 
 def miss_slopes(slopes: PointSlopes, goal: Through) -> tuple[Floats, Floats, Floats]:

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cached_property
 from os import PathLike
 from typing import Any, NamedTuple, TypeAlias, overload
 
@@ -23,10 +24,12 @@ from dlo_planner.model.checks import choice, instance, integer, items, number, r
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import brief, put
+from dlo_planner.model.value import brief, freeze, put
 from dlo_planner.pictured import Filmed
 from dlo_planner.plan.goals import DirectionAt, FrameAt, PositionAt, Residuals, Through
+from dlo_planner.plan.margin import least_margin
 from dlo_planner.plan.path import GripperPath, held_after
+from dlo_planner.uncertainty.parameters import Uncertainty
 
 # An entry of `Plan.via_points`: center (3,), m; arc length, m; normal (3,) or None.
 Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
@@ -119,7 +122,11 @@ class Plan(Filmed):
         rubs, since pushing presses the DLO against the bore even more. 'no balance': the part in
         the bore was not found in balance. 'not looked at': the bore's radius or friction is not
         stated, the DLO does not go into it or has no round section, or nothing is inserted.
+    uncertainty : Uncertainty or None
+        What is not known, for `margin`. If None, the usual one, see `Requirements`.
     """
+
+    _REMEMBERED = ('margin',)
 
     depths: Floats
     grippers: tuple[Pose, ...]
@@ -137,6 +144,7 @@ class Plan(Filmed):
     clearance: Floats = ()  # type: ignore[assignment]  # the same
     yield_utilization: Floats = ()  # type: ignore[assignment]  # the same
     insertion_status: tuple[str, ...] = ()
+    uncertainty: Uncertainty | None = None
 
     def __post_init__(self) -> None:
         grippers = items('Plan.grippers', self.grippers, Pose)
@@ -291,6 +299,26 @@ class Plan(Filmed):
     def yields(self) -> bool:
         """Whether the DLO would yield at a waypoint, by `yield_utilization`."""
         return bool((self.yield_utilization > 1).any())
+
+    @cached_property
+    def margin(self) -> Floats:
+        """(n,) what is left of the clearance in the cut-outs that the DLO has come to, m.
+
+        The least of the `clearances` less two standard deviations of the DLO's miss there, across
+        itself, to first order under the `uncertainty`; below 0 it misses the hole too often. nan
+        where there is no size of a cut-out, or the DLO is held or touches something.
+        """
+        margin = np.array([self._margin_at(k) for k in range(len(self))])
+        freeze(margin)
+        return margin
+
+    def least_margin(self, waypoints: Iterable[int]) -> float:
+        """Return the least `margin` (m) of some waypoints, without looking at all; nan: none."""
+        return float(np.min([self._margin_at(k) for k in waypoints]))
+
+    def _margin_at(self, k: int) -> float:
+        return least_margin(self.uncertainty, self.shapes[k],
+                            [s for _, s, _ in self.via_points[k]], self.clearances[k])
 
     @property
     def bend_margin(self) -> Floats:
@@ -454,6 +482,7 @@ def plan_tree(plan: Plan) -> dict[str, Any]:
               for k, points in enumerate(plan.via_points) for center, s, normal in points]
     return {**{key: getattr(plan, name) for key, name in _ARRAYS.items()},
             'grippers': np.array([pose_row(gripper) for gripper in plan.grippers]).reshape(-1, 7),
+            'margin': plan.margin,
             'fraction': plan.fraction, 'status': plan.status.value,
             'insertion_status': np.array(plan.insertion_status, dtype=str),
             'passes': np.array(passes).reshape(-1, 8),
@@ -471,7 +500,7 @@ def plan_of(tree: Mapping[str, Any]) -> Plan:
         via_points[int(k)].append((np.array(numbers[:3]), float(numbers[3]),
                                None if np.isnan(normal).any() else normal))
     known: dict[str, Any] = {name: tree[key] for key, name in _ARRAYS.items() if key in tree}
-    return Plan(**known | {
+    plan = Plan(**known | {
         'grippers': grippers, 'shapes': [unpack(tree[str(k)]) for k in range(len(grippers))],
         'sheets': [(_read_sheet(one), np.array(one['normal']))
                    for one in json.loads(str(tree['sheets']))],
@@ -479,6 +508,8 @@ def plan_of(tree: Mapping[str, Any]) -> Plan:
         'status': PlanStatus(str(tree['status'])),
         'insertion_status': tuple(np.asarray(tree.get('insertion_status', ())).tolist()),
         'stops': tuple(int(stop) for stop in tree['stops'])})
+    put(plan, margin=np.asarray(tree.get('margin', np.full(len(plan), np.nan)), dtype=float))
+    return plan
 
 
 def _sheet(sheet: Sheet) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import flag, instance, number
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.workspace import Workspace
+from dlo_planner.uncertainty.parameters import Uncertainty
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,6 +87,12 @@ class Requirements(Value):
         its motion per turn of the gripper goes as 1 / stability, and stiffness or weight that is
         off by as large a part may let it fall. A robot that holds 1 mrad, of a DLO known to 1 %,
         wants 0.01; 0 allows whatever is stable.
+    uncertainty : Uncertainty or None
+        What is not known of the DLO and the robot, for `Plan.margin` and the goal of `Thread`. If
+        None, that of a DLO that was weighed and bent, in a robot that is calibrated: stiffness to
+        2 %, mass to 1 %, natural curvature to 0.004 / L, the gripper to 1 mrad and L / 1000.
+    margin : float or None
+        Least `Plan.margin` of a waypoint in a cut-out that has a size, m. If None, any.
 
     Raises
     ------
@@ -99,6 +106,8 @@ class Requirements(Value):
     tolerance: float | None = None
     deadline: float | None = None
     stability: float = STABILITY
+    uncertainty: Uncertainty | None = None
+    margin: float | None = None
 
     def __post_init__(self) -> None:
         instance('Requirements.workspace', self.workspace, Workspace, optional=True)
@@ -107,6 +116,9 @@ class Requirements(Value):
         if self.tolerance is not None:
             put(self, tolerance=number('Requirements.tolerance', self.tolerance, minimum=0))
         put(self, stability=number('Requirements.stability', self.stability, minimum=0, maximum=1))
+        instance('Requirements.uncertainty', self.uncertainty, Uncertainty, optional=True)
+        if self.margin is not None:
+            put(self, margin=number('Requirements.margin', self.margin, unit='m'))
         if self.deadline is not None:
             put(self, deadline=number('Requirements.deadline', self.deadline, above=0))
         super().__post_init__()

@@ -39,6 +39,7 @@ from dlo_planner.inverse.equilibria import (
     shape_with_end,
     start_candidates,
 )
+from dlo_planner.inverse.most_room import thread_with_most_room
 from dlo_planner.inverse.route import (
     NO_WAY,
     Threading,
@@ -57,6 +58,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder, kept_between
+from dlo_planner.plan.margin import upright_room
 from dlo_planner.plan.plan import Plan, PlanStatus, truncate
 from dlo_planner.plan.waypoint import Waypoint
 
@@ -68,6 +70,9 @@ _CURVES = 32        # depths at which a route is looked for
 _STARTS = 80, 24    # shapes looked at: set down in the natural shape, brought from an initial one
 _AHEAD = 0.0, 0.15  # of the length: other smoothings of a route
 _PREFERENCE = 0.01  # for a start without a turn, per rad^2, against rad^2 of motion on the way
+_LOOKED_AT = 4      # waypoints of a plan along the normal that tell whether it has room enough:
+_ENOUGH = 0.5       # of the room of an upright DLO, as margin; and what an oblique one has to gain
+_GAIN = 0.1
 _HALVINGS = 6       # of the depth between the last waypoint that is reached and the next one
 
 
@@ -275,6 +280,35 @@ def deepest(planned: Callable[[Floats], Plan], depths: Floats) -> Plan:
     return replace(plan, fraction=float(good[-1] / depths[-1]))
 
 
+def _with_room(along: Callable[[], Plan], oblique: Callable[[], Plan], room: float) -> Plan:
+    """Return the Plan along the normal, or an oblique one that has more of the `room` (m) left."""
+    refused: Infeasible | None = None
+    plan: Plan | None = None
+    try:
+        plan = along()
+        some = np.unique(np.linspace(0, len(plan) - 1, _LOOKED_AT).astype(int)).tolist()
+        if plan.least_margin(some) >= _ENOUGH * room:
+            return plan
+    except Infeasible as error:
+        refused = error
+    try:
+        other = oblique()
+    except Infeasible as error:
+        if plan is not None:
+            return plan
+        assert refused is not None  # else there is a plan
+        raise _refused_both(refused, error) from None
+    if plan is None or other.margin.min() >= plan.margin.min() + _GAIN * room:
+        return other
+    return plan
+
+
+def _refused_both(along: Infeasible, oblique: Infeasible) -> Infeasible:
+    """Return the refusal of a passage along the normal that says why none is oblique either."""
+    along.args = (f'{along}; obliquely: {oblique}',)
+    return along
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Thread(Task):
     """Thread through one cut-out; `InverseSimulator.thread` says what the attributes mean.
@@ -290,6 +324,11 @@ class Thread(Task):
         Distance in m that the gripper keeps from the sheet. If None, any.
     as_deep_as_possible : bool
         Whether the plan may end before the last depth.
+    max_misalignment : float or None
+        Largest angle against the normal at which the DLO may pass, rad. With 0 it passes along
+        the normal, or the task is refused. If None, as obliquely as it has to: along the normal
+        where that leaves half of the room as `Plan.margin`, else with the largest margin. A
+        cut-out without a size is passed along its normal.
     """
 
     takes_initial: ClassVar[bool] = True
@@ -299,11 +338,13 @@ class Thread(Task):
     method: str = 'coupled'
     gripper_clearance: float | None = None
     as_deep_as_possible: bool = False
+    max_misalignment: float | None = None
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, cutout: CutOut, depths: ArrayLike | None = None,
                      method: str = 'coupled', gripper_clearance: float | None = None,
-                     as_deep_as_possible: bool = False) -> None: ...
+                     as_deep_as_possible: bool = False,
+                     max_misalignment: float | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         instance('cutout', self.cutout, CutOut)
@@ -311,6 +352,9 @@ class Thread(Task):
             put(self, gripper_clearance=number('gripper_clearance', self.gripper_clearance,
                                                minimum=0))
         choice('method', self.method, ('coupled', 'nested'))
+        if self.max_misalignment is not None:
+            put(self, max_misalignment=number('max_misalignment', self.max_misalignment, minimum=0,
+                                              maximum=np.pi / 2, unit='rad'))
         flag('as_deep_as_possible', self.as_deep_as_possible)
         put(self, depths=depths_or_none('depths', self.depths))
         super().__post_init__()
@@ -322,10 +366,15 @@ class Thread(Task):
 
         def planned(depths: Floats) -> Plan:
             free = context.without_obstacles
-            return with_certificate(
-                partial(thread, free, Threading((self.cutout,), depths, context.start, demands,
-                                                context.initial, self.method)),
-                partial(certificate, free, self.cutout, depths))
+            task = Threading((self.cutout,), depths, context.start, demands, context.initial,
+                             self.method)
+            along = partial(with_certificate, partial(thread, free, task),
+                            partial(certificate, free, self.cutout, depths))
+            room = upright_room(self.cutout, demands.surface)
+            if self.max_misalignment == 0 or not 0 < room < np.inf:
+                return along()
+            return _with_room(along, partial(thread_with_most_room, free, task, np.inf if (
+                self.max_misalignment is None) else self.max_misalignment), room)
 
         plan = deepest(planned, depths) if self.as_deep_as_possible else planned(depths)
         if self.gripper_clearance is None:

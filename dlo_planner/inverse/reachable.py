@@ -1,0 +1,128 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The shapes that a DLO takes as its gripper turns, from the one that hangs straight down.
+
+Where the gripper is, and its heading about the vertical, do not change a shape: the directions of
+the vertical in the gripper's frame are a sphere, and of a round straight DLO, whose roll changes
+nothing either, a half circle. A flood over its points, each shape followed from a neighbor, finds
+what a robot can come to without a fall. The sphere of free ends (`inverse.equilibria`) has all
+equilibria, but hardly any of its points is a stable one of a DLO that is soft for its weight.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.inverse.equilibria import common_axis, frames_with, is_axisymmetric, sphere
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.pose import Pose, turned_by
+
+_ELEMENTS = 64           # of each shape: a search is as exact as its grid
+_ARC = np.deg2rad(1.5)   # between two grippers of a round straight DLO
+_POINTS = 900            # of the sphere of any other: 0.12 rad apart
+_HALVINGS = 4            # of a step on the arc, where the DLO falls
+
+
+class Reachable(NamedTuple):
+    """The n shapes that a flood came to, on one mesh, the gripper in the origin."""
+
+    up: Floats  # (3,) unit vector against the loads
+    s: Floats  # (N + 1,) arc lengths of the nodes, m
+    shapes: list[Shape]  # (n,)
+    strains: Floats  # (n, N, 3) 1/m
+    frames: Floats  # (n, N + 1, 3, 3)
+    positions: Floats  # (n, N + 1, 3) m
+    stability: Floats  # (n,)
+
+
+def reachable_shapes(simulator: DirectSimulator, stability: float,
+                     check: Callable[[], None]) -> Reachable | None:
+    """Return the Reachable shapes that are at least so stable; None: loads are not along one axis.
+
+    `check` is called between the steps; it may raise.
+    """
+    around = simulator.surroundings
+    coarse = DirectSimulator(around.rod, n_elements=_ELEMENTS, basis='local',
+                             gravity=around.gravity, load=around.load,
+                             point_loads=around.point_loads)
+    up = common_axis(coarse.mesh.static.pull)  # the potential's slopes: against the loads
+    if up is None:
+        return None
+    shapes = (_arc if is_axisymmetric(around.rod) else _flood)(coarse, up, stability, check)
+    if not shapes:
+        return None
+    return Reachable(up, np.array(shapes[0].s), shapes,
+                     *(np.array([getattr(shape, name) for shape in shapes])
+                       for name in ('element_strains', 'frames', 'positions', 'stability')))
+
+
+def _is_good(shape: Shape, stability: float) -> bool:
+    return shape.converged and not shape.jumped and shape.stability > stability
+
+
+def _arc(simulator: DirectSimulator, up: Floats, stability: float,
+         check: Callable[[], None]) -> list[Shape]:
+    """Return the shapes of a round straight DLO as its gripper rises from straight down."""
+    hanging = frames_with(np.array([[-1.0, 0.0, 0.0]]), up)[0]
+    axis, angle, shape = hanging[:, 1], 0.0, simulator.solve(_held(hanging))
+    shapes = []
+    while _is_good(shape, stability):
+        shapes.append(shape)
+        for halving in range(_HALVINGS):
+            check()
+            further = angle + _ARC / 2**halving
+            if further > 2 * np.pi:
+                return shapes
+            shape = simulator.track([_held(turned_by(-further * axis) @ hanging)],
+                                    initial=shapes[-1])[0]
+            if _is_good(shape, stability):
+                angle = further
+                break
+    return shapes
+
+
+def _flood(simulator: DirectSimulator, up: Floats, stability: float,
+           check: Callable[[], None]) -> list[Shape]:
+    """Return the shapes on a grid of the sphere that are followed from neighbors without a fall."""
+    directions, edges = sphere(_POINTS)
+    grippers = frames_with(directions, up)
+    neighbors: list[list[int]] = [[] for _ in directions]
+    for a, b in edges.tolist():
+        neighbors[a].append(b)
+        neighbors[b].append(a)
+    first = int(np.argmin(directions[:, 0]))
+    found = {first: simulator.solve(_held(grippers[first]))}
+    if not _is_good(found[first], stability):
+        return []
+    waiting = deque([first])
+    while waiting:
+        one = waiting.popleft()
+        check()
+        for other in neighbors[one]:
+            if other in found:
+                continue
+            # of all headings the one that turns the gripper least
+            turn = grippers[other] @ found[one].gripper.rotation.T
+            heading = np.arctan2(up @ _twist(turn), np.trace(turn) - up @ turn @ up)
+            shape = simulator.track([_held(turned_by(-heading * up) @ grippers[other])],
+                                    initial=found[one])[0]
+            if _is_good(shape, stability):
+                found[other] = shape
+                waiting.append(other)
+    return [found[k] for k in sorted(found)]
+
+
+def _twist(turn: Floats) -> Floats:
+    """Return (3,) twice the axial vector of a matrix (3, 3)."""
+    return np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+
+
+def _held(rotation: Floats) -> Pose:
+    return Pose.from_rotation((0.0, 0.0, 0.0), rotation)
