@@ -46,13 +46,14 @@ from dlo_planner.plan.waypoint import waypoint_at
 from dlo_planner.uncertainty.state import UncertainState
 
 _KNOWN = 1e-4       # of the length: how exactly a search has to know the room
+_LEAST = 0.05       # of the room of an upright DLO: less is lost between grid and plan
 _DEPTHS = 24        # that are looked at
 _TURN = 0.03        # per rad^2 between two depths, against the square of the part of room lost
 _FARTHEST = 0.5     # rad of the gripper, and the sine of it, between two depths looked at
 _SHIFT = 0.3        # of the length, the same
 _MOST = 700         # shapes at a depth: those of the largest margin
 _STARTS = 24        # shapes with which a way may begin that are tried
-_FIRM = (3.0, 0.3, 0.0)  # how much smoothness counts, tried in turn: features of 8 and 4 depths go
+_FIRM = (3.0, 0.3, 0.0)  # how much smoothness counts, tried in turn: features of 8, 4, no depths go
 _WORST = -10.0      # of the room: margins below this are alike, so that their squares stay finite
 
 
@@ -67,7 +68,7 @@ class Passage(NamedTuple):
 
     def chosen(self, some: Bools | Ints) -> Passage:
         """Return some of them (a mask or indices)."""
-        return Passage(*(one[some] for one in self))
+        return Passage(self.which[some], *(one[some] for one in self[1:]))
 
 
 @dataclass(frozen=True)
@@ -80,13 +81,13 @@ class RoomyWay:
 
     def smoothed(self, firm: float, depths: Floats) -> Floats:
         """Return rotations (n, 3, 3) at depths (n,) on a smooth curve along the way."""
-        rows, k = self.grippers.reshape(-1, 9), len(self.depths)
-        if firm and k > 2:
-            bends = np.diff(np.eye(k), 2, axis=0)
-            rows = np.linalg.solve(np.eye(k) + firm * bends.T @ bends, rows)
+        k = len(self.depths)
+        bends = np.diff(np.eye(k), 2, axis=0)
+        rows = np.linalg.solve(np.eye(k) + firm * bends.T @ bends, self.grippers.reshape(k, 9))
         between = np.array([np.interp(depths, self.depths, row) for row in rows.T]).T
         left, _, right = np.linalg.svd(between.reshape(-1, 3, 3))
-        return left @ right
+        rotations: Floats = left @ right
+        return rotations
 
 
 def thread_with_most_room(simulator: DirectSimulator, task: Threading, most: float) -> Plan:
@@ -237,7 +238,7 @@ def passages_through(shapes: Reachable, task: Threading, depths: Floats, uncerta
         rooms = _rooms(scene, np.array(cutout.normal), 0.5 * sheet.thickness, center, lengths,
                        shapes.strains, shapes.frames, shapes.positions, element, axes, places,
                        turns, np.cos(most) if most < 0.5 * np.pi else 0.0)
-        which, heading = np.nonzero(rooms > 0)
+        which, heading = np.nonzero(rooms > _LEAST * upright_room(cutout, task.demands.surface))
         for k in set(which.tolist()) - misses.keys():
             misses[k] = expected_misses(uncertain, shapes.shapes[k], arcs)
         turned, room = turns[which, heading], rooms[which, heading]

@@ -137,14 +137,21 @@ class InverseSimulator(Value):
     def thread(self, cutout: CutOut, *, start: Pose | None = None, initial: Shape | None = None,
                depths: ArrayLike | None = None, method: str = 'coupled',
                gripper_clearance: float | None = None, as_deep_as_possible: bool = False,
-               linear_speed: float = 0.1, angular_speed: float = 0.5, progress: OnProgress = None,
+               max_misalignment: float | None = None, linear_speed: float = 0.1,
+               angular_speed: float = 0.5, progress: OnProgress = None,
                deadline: float | None = None) -> Plan:
         """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
 
-        At each depth the DLO passes the center P_goal along the normal n_goal (paper, section
-        5.2). One rotation of the gripper is free (a round straight DLO may roll): the first
-        waypoint turns as little as possible from `start`, each other one from the one before
-        (about the mean of the gripper's axis and the normal it does not turn at all).
+        At each depth the DLO passes the center P_goal, along the normal n_goal (paper, section
+        5.2) where that leaves half of the room in the hole as `Plan.margin`. One rotation of the
+        gripper is free then (a round straight DLO may roll): the first waypoint turns as little as
+        possible from `start`, each other one from the one before (about the mean of the gripper's
+        axis and the normal it does not turn at all).
+
+        A DLO that is soft for its weight hardly stands so, or not at all. It passes obliquely where
+        that leaves more margin, by a tenth of the room at least: at each depth in the direction
+        that does, of all shapes that it can come to from the one that hangs straight down.
+        `Plan.misalignment` says by how much, `Plan.via_points` along what.
 
         Parameters
         ----------
@@ -167,13 +174,18 @@ class InverseSimulator(Value):
         as_deep_as_possible : bool, optional
             If not all depths can be reached, the plan ends with the deepest one found, and
             `Plan.fraction` says how deep that is.
+        max_misalignment : float, optional
+            Largest angle against the normal at which the DLO may pass, rad. With 0 it passes along
+            the normal, or the task is refused. If None, any. A cut-out without a size is passed
+            along its normal.
 
         Raises
         ------
         InvalidTask, Infeasible
             Infeasible where a waypoint has no stable solution, or the gripper comes too near.
         """
-        task = Thread(cutout, depths, method, gripper_clearance, as_deep_as_possible)
+        task = Thread(cutout, depths, method, gripper_clearance, as_deep_as_possible,
+                      max_misalignment)
         return self._shorthand(task, start, initial, linear_speed, angular_speed, progress,
                                deadline)
 

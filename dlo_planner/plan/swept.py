@@ -178,10 +178,8 @@ def _short(one: _Look, other: _Look, bends: Floats) -> tuple[float, float]:
     shift, bend = 0.125 * (other.u - one.u) ** 2 * bends
     turn = angle_between(one.shape.gripper.rotation, other.shape.gripper.rotation)
     length = one.shape.s[-1]
-    motion = np.zeros(1)  # seen from the gripper
-    if len(one.arms) == len(other.arms):
-        motion = np.sqrt(((other.arms - one.arms) ** 2).sum(axis=1))
-    moved = float(motion.max())
+    motions = _motion(one, other), _motion(other, one)
+    moved = float(max(motion.max() for motion in motions))
     lever = moved / max(turn, 1e-9) if moved > 1e-12 * length else 0.0
     curved = max(float(np.hypot(*look.shape.element_strains[:, 1:].T).max())
                  for look in (one, other))
@@ -190,10 +188,19 @@ def _short(one: _Look, other: _Look, bends: Floats) -> tuple[float, float]:
         for look in (one, other) for k in (0, -1))
     shift += 0.125 * drawn**2 * curved
     bulges = []
-    for look in (one, other):
+    for look, motion in zip((one, other), motions, strict=True):
         angles = np.maximum(turn, motion / np.maximum(look.levers, _TINY * length))
         bulges.append(shift + np.maximum(look.levers, lever) * bend + look.levers * angles**2 / 8)
     return _missing(one, other, *bulges), moved if moved > _LEAP * length * turn else 0.0
+
+
+def _motion(one: _Look, other: _Look) -> Floats:
+    """Return (N + 1,) how far the nodes of one Look are in the other, seen from the gripper, m."""
+    shape, arms = other.shape, other.arms
+    if not np.array_equal(one.shape.s, shape.s):  # of two meshes, points of the same arc lengths
+        arms = shape.positions_at(one.shape.s) - shape.gripper.position
+    moved: Floats = np.sqrt(((arms - one.arms)**2).sum(axis=1))
+    return moved
 
 
 def _missing(one: _Look, other: _Look, bulges: Floats, others: Floats) -> float:
