@@ -33,7 +33,7 @@ from dlo_planner.geometry.so3 import (
     vector,
 )
 from dlo_planner.inverse.equilibria import headings_to, is_axisymmetric, least_turn
-from dlo_planner.inverse.reachable import Reachable, reachable_shapes
+from dlo_planner.inverse.reachable import Reachable, hanging_straight, reachable_shapes
 from dlo_planner.inverse.route import Threading, gets_there, quick_simulator
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Bools, Floats, Ints
@@ -43,6 +43,7 @@ from dlo_planner.plan.clearance import scene_about, sheet_of, smallest_gaps
 from dlo_planner.plan.margin import DEVIATIONS, expected_misses, uncertain_state, upright_room
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import waypoint_at
+from dlo_planner.uncertainty.parameters import Uncertainty
 from dlo_planner.uncertainty.state import UncertainState
 
 _KNOWN = 1e-4       # of the length: how exactly a search has to know the room
@@ -55,6 +56,20 @@ _MOST = 700         # shapes at a depth: those of the largest margin
 _STARTS = 24        # shapes with which a way may begin that are tried
 _FIRM = (3.0, 0.3, 0.0)  # how much smoothness counts, tried in turn: features of 8, 4, no depths go
 _WORST = -10.0      # of the room: margins below this are alike, so that their squares stay finite
+
+
+def largest_margins(simulator: DirectSimulator, uncertainty: Uncertainty | None, room: float,
+                    depths: Floats) -> Floats:
+    """Return (k,) margins (m) that no shape exceeds at depths (k,), m, in a hole with this room, m.
+
+    They are of the DLO that hangs straight down, whose weight stiffens it most; where the loads are
+    not along one axis, the room.
+    """
+    hanging = hanging_straight(simulator)
+    if hanging is None:
+        return np.full(len(depths), room)
+    uncertain = uncertain_state(simulator.surroundings, uncertainty)
+    return room - DEVIATIONS * expected_misses(uncertain, hanging, simulator.rod.length - depths)
 
 
 class Passage(NamedTuple):

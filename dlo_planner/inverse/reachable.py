@@ -62,6 +62,20 @@ def reachable_shapes(simulator: DirectSimulator, stability: float,
                        for name in ('element_strains', 'frames', 'positions', 'stability')))
 
 
+def hanging_straight(simulator: DirectSimulator) -> Shape | None:
+    """Return the Shape of a DLO whose gripper points straight down; None as `reachable_shapes`."""
+    up = common_axis(simulator.mesh.static.pull)
+    if up is None:
+        return None
+    shape = simulator.solve(_held(_downwards(up)))
+    return shape if shape.converged else None
+
+
+def _downwards(up: Floats) -> Floats:
+    """Return a rotation (3, 3) whose x axis is against `up`."""
+    return frames_with(np.array([[-1.0, 0.0, 0.0]]), up)[0]
+
+
 def _is_good(shape: Shape, stability: float) -> bool:
     return shape.converged and not shape.jumped and shape.stability > stability
 
@@ -69,7 +83,7 @@ def _is_good(shape: Shape, stability: float) -> bool:
 def _arc(simulator: DirectSimulator, up: Floats, stability: float,
          check: Callable[[], None]) -> list[Shape]:
     """Return the shapes of a round straight DLO as its gripper rises from straight down."""
-    hanging = frames_with(np.array([[-1.0, 0.0, 0.0]]), up)[0]
+    hanging = _downwards(up)
     axis, angle, shape = hanging[:, 1], 0.0, simulator.solve(_held(hanging))
     shapes = []
     while _is_good(shape, stability):

@@ -39,7 +39,7 @@ from dlo_planner.inverse.equilibria import (
     shape_with_end,
     start_candidates,
 )
-from dlo_planner.inverse.most_room import thread_with_most_room
+from dlo_planner.inverse.most_room import largest_margins, thread_with_most_room
 from dlo_planner.inverse.route import (
     NO_WAY,
     Threading,
@@ -280,14 +280,19 @@ def deepest(planned: Callable[[Floats], Plan], depths: Floats) -> Plan:
     return replace(plan, fraction=float(good[-1] / depths[-1]))
 
 
-def _with_room(along: Callable[[], Plan], oblique: Callable[[], Plan], room: float) -> Plan:
-    """Return the Plan along the normal, or an oblique one that has more of the `room` (m) left."""
+def _with_room(along: Callable[[], Plan], oblique: Callable[[], Plan], room: float,
+               largest: Callable[[Floats], Floats]) -> Plan:
+    """Return the Plan along the normal, or an oblique one that has more of the `room` (m) left.
+
+    `largest`: no shape of the DLO has a larger margin at depths (k,), m.
+    """
     refused: Infeasible | None = None
     plan: Plan | None = None
     try:
         plan = along()
-        some = np.unique(np.linspace(0, len(plan) - 1, _LOOKED_AT).astype(int)).tolist()
-        if plan.least_margin(some) >= _ENOUGH * room:
+        some = np.unique(np.linspace(0, len(plan) - 1, _LOOKED_AT).astype(int))
+        least = plan.least_margin(some.tolist())
+        if least >= min(_ENOUGH * room, largest(plan.depths[some]).min() - _GAIN * room):
             return plan
     except Infeasible as error:
         refused = error
@@ -373,8 +378,9 @@ class Thread(Task):
             room = upright_room(self.cutout, demands.surface)
             if self.max_misalignment == 0 or not 0 < room < np.inf:
                 return along()
-            return _with_room(along, partial(thread_with_most_room, free, task, np.inf if (
-                self.max_misalignment is None) else self.max_misalignment), room)
+            most = np.inf if self.max_misalignment is None else self.max_misalignment
+            return _with_room(along, partial(thread_with_most_room, free, task, most), room,
+                              partial(largest_margins, free, demands.uncertainty, room))
 
         plan = deepest(planned, depths) if self.as_deep_as_possible else planned(depths)
         if self.gripper_clearance is None:

@@ -1,0 +1,240 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Threading with the most room: soft DLOs pass obliquely, stiff ones along the normal as ever."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from references.kirchhoff import equilibrium, is_minimum
+
+from dlo_planner import (
+    CutOut,
+    DirectSimulator,
+    Infeasible,
+    InvalidTask,
+    InverseSimulator,
+    Plan,
+    Pose,
+    Rod,
+    Sheet,
+    Thread,
+    Uncertainty,
+    robustness,
+)
+from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.reachable import reachable_shapes
+from dlo_planner.model.rod import Surface
+from dlo_planner.plan.margin import expected_misses, uncertain_state, upright_room
+from dlo_planner.tasks import Requirements
+
+GRAVITY = (0.0, 0.0, -9.80665)
+WIRE = Rod(0.2, 0.0174, 1.22e-4, 1.0e-4, radius=1.5e-3)  # as measured
+BENT = Rod(1.0, 0.05, 0.005, 0.004, radius=3e-3, natural_curvature=(1.5, -0.8))
+
+
+def hole(elevation, radius=0.01, heading=0.0):
+    """Return a CutOut whose normal has an elevation and a heading, degrees."""
+    up, around = np.deg2rad([elevation, heading])
+    return CutOut(Pose.looking_along((0.1, 0.2, 1.0), (
+        np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up))), radius=radius)
+
+
+def plan(rod, cutout, **options):
+    simulator = DirectSimulator(rod, gravity=GRAVITY)
+    return InverseSimulator(simulator).thread(cutout, **options)
+
+
+@pytest.fixture(scope='module')
+def level():
+    """The plan of the wire through a level hole, which no shape passes along the normal."""
+    return plan(WIRE, hole(0))
+
+
+def own_clearance(positions, cutout, radius):
+    """Return the distance of a curve (n, 3) from a thin sheet with a round hole."""
+    away = positions - cutout.center
+    heights = away @ cutout.normal
+    across = np.linalg.norm(away - heights[:, None] * cutout.normal, axis=1)
+    gaps = np.where(across < cutout.radius, np.hypot(cutout.radius - across, heights),
+                    np.abs(heights))
+    crossed = np.flatnonzero(heights[1:] * heights[:-1] < 0)
+    assert (across[crossed] < cutout.radius).all()  # it passes in the hole alone
+    return gaps.min() - radius
+
+
+@pytest.mark.parametrize('elevation', [10, 0, -10, -20])
+def test_the_measured_wire_gets_through(elevation):
+    found = plan(WIRE, hole(elevation))
+    assert found.status.value == 'complete'
+    assert found.clearance.min() > 4e-3
+    assert found.margin.min() > -2e-3
+    assert found.position_error.max() < 1e-9
+    assert 0.6 < found.misalignment.max() < 1.1
+    # along the normal it is refused, or hardly stands
+    if elevation >= 0:
+        with pytest.raises(Infeasible, match='stability'):
+            plan(WIRE, hole(elevation), max_misalignment=0)
+    else:
+        along = plan(WIRE, hole(elevation), max_misalignment=0)
+        assert along.misalignment.max() < 1e-8
+        assert along.margin.min() < found.margin.min() - 1e-3
+
+
+@pytest.mark.parametrize(('rod', 'cutout'), [
+    (WIRE, hole(0)), (BENT, hole(-25, 0.05, 40)), (BENT, hole(-80, 0.03, 0))],
+    ids=['wire', 'bent', 'bent steep'])
+def test_every_shape_is_one_that_stands_and_has_room(rod, cutout):
+    found = plan(rod, cutout)
+    assert found.misalignment.max() > 0.2
+    s = np.linspace(0, rod.length, 2001)
+    for k in (0, 19, 39):
+        shape = found.shapes[k]
+        solution = equilibrium(rod, shape.gripper, shape, GRAVITY, tol=1e-6)
+        positions = solution(s)[:3].T
+        assert np.abs(solution(shape.s)[:3].T - shape.positions).max() < 2e-3 * rod.length
+        assert is_minimum(rod, solution, GRAVITY)
+        clearance = own_clearance(positions, cutout, rod.radius)
+        assert found.clearance[k] == pytest.approx(clearance, abs=1e-3 * rod.length)
+
+
+def test_the_direction_is_that_of_the_dlo_in_the_hole(level):
+    normal = hole(0).normal
+    for shape, points, angle in zip(level.shapes, level.via_points, level.misalignment,
+                                    strict=True):
+        (center, s, direction), = points
+        np.testing.assert_allclose(shape.at(s).position, center, atol=1e-12)
+        np.testing.assert_allclose(shape.at(s).direction, direction, atol=1e-12)
+        assert angle == pytest.approx(np.arccos(direction @ normal), abs=1e-7)
+    assert max(np.abs(goal.residuals(shape)).max() for shape, goals in zip(
+        level.shapes, level.goals, strict=True) for goal in goals) < 1e-9
+
+
+@pytest.mark.parametrize('ratio', [0.1, 0.9])
+@pytest.mark.parametrize('bend', [(0.0, 0.0), (0.3, -0.2)])
+def test_a_stiff_dlo_passes_as_before(ratio, bend):
+    stiffness = 0.05 * 9.80665 / ratio
+    rod = Rod(1.0, 0.05, stiffness, 0.75 * stiffness, radius=3e-3, natural_curvature=bend)
+    for elevation in (-70, 0, 35):
+        cutout = hole(elevation, 0.03)
+        assert plan(rod, cutout) == plan(rod, cutout, max_misalignment=0)
+
+
+def test_no_more_oblique_than_allowed():
+    cutout = hole(-20)
+    found = plan(WIRE, cutout, max_misalignment=0.5)
+    assert found.misalignment.max() < 0.5 + 1e-6
+    any_angle = plan(WIRE, cutout)
+    assert any_angle.misalignment.max() > 0.6
+    assert any_angle.margin.min() > found.margin.min()
+    with pytest.raises(Infeasible, match='room'):
+        plan(WIRE, hole(0), max_misalignment=0.1)
+
+
+@pytest.mark.parametrize('angle', [-0.1, 2.0, np.nan, 'x'])
+def test_an_angle_that_makes_no_sense_is_refused(angle):
+    with pytest.raises(InvalidTask, match='max_misalignment'):
+        Thread(hole(0), max_misalignment=angle)
+
+
+def test_a_hole_without_a_size_is_passed_along_its_normal():
+    cutout = replace(hole(-20), radius=None)
+    found = plan(WIRE, cutout)
+    assert found.misalignment.max() < 1e-8
+    assert np.isnan(found.margin).all()
+
+
+def test_the_margin_is_the_clearance_less_the_expected_miss(level):
+    uncertainty = Uncertainty(bending_stiffness=0.02, gripper_rotation=1e-3,
+                              natural_curvature=0.02)
+    known = replace(level, uncertainty=uncertainty)
+    simulator = DirectSimulator(WIRE, gravity=GRAVITY)
+    expected = robustness(simulator, level, uncertainty).first_order
+    np.testing.assert_allclose(
+        known.margin, level.clearances.min(axis=(1, 2)) - 2 * expected, rtol=1e-6)
+    assert (known.margin > level.margin).any()  # less is unknown than usually
+
+
+def test_the_expected_miss_is_that_of_small_changes():
+    simulator = DirectSimulator(BENT, gravity=GRAVITY, n_elements=60)
+    shape = simulator.solve(Pose.looking_along((0, 0, 0), (1, 0, 0.2)))
+    step, s = 1e-4, np.array([0.3, 0.7, 1.0])
+    squares = np.zeros(3)
+    for change in ({'bending_stiffness': 0.005 * np.exp(step)}, {
+            'natural_curvature': (1.5 + step, -0.8)}, {'natural_curvature': (1.5, -0.8 + step)}):
+        moved = DirectSimulator(replace(BENT, **change), gravity=GRAVITY, n_elements=60).solve(
+            shape.gripper, shape)
+        off = (moved.positions_at(s) - shape.positions_at(s)) / step
+        along = np.array([shape.at(one).direction for one in s])
+        off -= (off * along).sum(axis=1)[:, None] * along
+        squares += (off**2).sum(axis=1) * (0.02 if 'bending_stiffness' in change else 0.1)**2
+    uncertain = uncertain_state(simulator.surroundings, Uncertainty(
+        bending_stiffness=0.02, natural_curvature=0.1))
+    np.testing.assert_allclose(expected_misses(uncertain, shape, s), np.sqrt(squares), rtol=2e-3)
+
+
+def test_a_demand_for_a_margin_refuses():
+    simulator = DirectSimulator(WIRE, gravity=GRAVITY)
+    inverse = InverseSimulator(simulator)
+    good = inverse.plan(Thread(hole(-20)), requirements=Requirements(margin=1e-3))
+    assert good.margin.min() >= 1e-3
+    with pytest.raises(Infeasible, match='margin = 0.008 m') as caught:
+        inverse.plan(Thread(hole(-20)), requirements=Requirements(margin=8e-3))
+    assert caught.value.constraint == 'margin'
+
+
+def test_margins_are_kept_in_files_and_pickles(level, tmp_path):
+    level.margin  # noqa: B018  it is computed
+    level.save(tmp_path / 'plan.npz')
+    np.testing.assert_array_equal(Plan.load(tmp_path / 'plan.npz').margin, level.margin)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(level)).margin, level.margin)
+    with pytest.raises(ValueError, match='read-only'):
+        level.margin[0] = 1.0
+
+
+def test_a_thick_sheet_and_a_rectangular_hole():
+    cutout = replace(hole(-20), radius=None, width=0.03, height=0.02)
+    plate = Sheet(cutout.pose, 1.0, 1.0, 0.006, (cutout,))
+    simulator = DirectSimulator(WIRE, gravity=GRAVITY, obstacles=[plate])
+    found = InverseSimulator(simulator).thread(cutout)
+    assert found.misalignment.max() > 0.2
+    assert found.clearance.min() > 1e-3
+    thin = plan(WIRE, cutout)
+    assert thin.clearance.min() > found.clearance.min()
+
+
+def test_the_flood_finds_what_hangs():
+    simulator = DirectSimulator(WIRE, gravity=GRAVITY)
+    shapes = reachable_shapes(simulator, 3e-4, lambda: None)
+    rises = np.rad2deg(np.arcsin(shapes.frames[:, 0, 2, 0]))
+    # a round straight wire hangs in a plane until its gripper points straight up
+    assert rises[0] == pytest.approx(-90)
+    assert 88 < rises[-1] <= 90
+    assert (np.diff(rises) > 0).all()
+    for shape in shapes.shapes[::40]:
+        assert is_minimum(WIRE, equilibrium(WIRE, shape.gripper, shape, GRAVITY,
+                                             tol=1e-6), GRAVITY)
+
+
+def test_the_flood_of_a_bent_dlo_is_followed_without_a_fall():
+    simulator = DirectSimulator(BENT, gravity=GRAVITY)
+    shapes = reachable_shapes(simulator, 3e-4, lambda: None)
+    assert len(shapes.shapes) > 300
+    assert all(isinstance(shape, Shape) and shape.stability > 3e-4 for shape in shapes.shapes)
+    for shape in shapes.shapes[::len(shapes.shapes) // 3]:
+        assert is_minimum(BENT, equilibrium(BENT, shape.gripper, shape, GRAVITY,
+                                             tol=1e-6), GRAVITY)
+
+
+def test_without_weight_there_is_no_flood():
+    assert reachable_shapes(DirectSimulator(WIRE, gravity=(0, 0, 0)), 0.0, lambda: None) is None
+
+
+@pytest.mark.parametrize(('cutout', 'surface', 'room'), [
+    (hole(0), Surface(0.002), 0.008), (replace(hole(0), radius=None), Surface(0.002), np.inf),
+    (replace(hole(0), radius=None, width=0.03, height=0.02), Surface(0.002), 0.008),
+    (hole(0), Surface(0.005, (0.003, 0.004)), 0.005),
+    (hole(0, 0.0045), Surface(0.004, (0.003, 0.004)), 0.0015)])
+def test_room_of_an_upright_dlo(cutout, surface, room):
+    assert upright_room(cutout, surface) == pytest.approx(room)
