@@ -77,6 +77,8 @@ class Infeasible(DloPlannerError):
         The plan up to that waypoint (`fraction` < 1), as evidence, or None.
     prove : callable or None
         Function () -> str, see `certificate`.
+    advise : callable or None
+        Function () -> str, see `advice`.
     """
 
     def __init__(self, message: str, waypoint: int, constraint: str, amount: float,
@@ -90,6 +92,7 @@ class Infeasible(DloPlannerError):
         self.unit = unit
         self.plan = plan
         self.prove: Callable[[], str] | None = None
+        self.advise: Callable[[], str] | None = None
 
     @property
     def certificate(self) -> str:
@@ -100,6 +103,16 @@ class Infeasible(DloPlannerError):
         nobody has looked at so.
         """
         return '' if self.prove is None else self.prove()
+
+    @property
+    def advice(self) -> str:
+        """What would have to change, in words, where that was looked for; else ''.
+
+        Of a threading through one cut-out that has a size: held how near to its end, with the
+        sheet turned downwards how far, or through how large a hole the DLO would pass. Each is
+        tried by a plan; that takes 1 to 3 s, of a naturally bent DLO more.
+        """
+        return '' if self.advise is None else self.advise()
 
 
 class DeadlineExceeded(DloPlannerError, TimeoutError):

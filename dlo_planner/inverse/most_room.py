@@ -19,7 +19,8 @@ import numpy as np
 
 from dlo_planner.direct.shape import carried
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.energy.scene import Scene
+from dlo_planner.energy.gap import gap_at, node_range, radius_at, stretch, taper
+from dlo_planner.energy.scene import FACE, Scene
 from dlo_planner.errors import Infeasible
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.so3 import (
@@ -27,9 +28,11 @@ from dlo_planner.geometry.so3 import (
     inner,
     matrix,
     minus,
+    plus,
     put_matrix,
     put_vector,
     times,
+    transposed_applied,
     vector,
 )
 from dlo_planner.inverse.equilibria import headings_to, is_axisymmetric, least_turn
@@ -39,14 +42,14 @@ from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
-from dlo_planner.plan.clearance import scene_about, sheet_of, smallest_gaps
+from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.clearance import scene_about, sheet_of
 from dlo_planner.plan.margin import DEVIATIONS, expected_misses, uncertain_state, upright_room
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import waypoint_at
 from dlo_planner.uncertainty.parameters import Uncertainty
-from dlo_planner.uncertainty.state import UncertainState
 
-_KNOWN = 1e-4       # of the length: how exactly a search has to know the room
+_STEP = 0.2         # of the room of an upright DLO, between points that are looked at: 1 % of error
 _LEAST = 0.05       # of the room of an upright DLO: less is lost between grid and plan
 _DEPTHS = 24        # that are looked at
 _TURN = 0.03        # per rad^2 between two depths, against the square of the part of room lost
@@ -78,7 +81,6 @@ class Passage(NamedTuple):
     which: Ints        # (m,) indices of the shapes
     grippers: Floats   # (m, 3, 3) rotations of the gripper
     places: Floats     # (m, 3) the gripper's origin from the center, m
-    clearance: Floats  # (m,) m
     margin: Floats     # (m,) m
 
     def chosen(self, some: Bools | Ints) -> Passage:
@@ -92,7 +94,6 @@ class RoomyWay:
 
     depths: Floats     # (K,) m
     grippers: Floats   # (K, 3, 3)
-    margin: float      # the least on the way, m
 
     def smoothed(self, firm: float, depths: Floats) -> Floats:
         """Return rotations (n, 3, 3) at depths (n,) on a smooth curve along the way."""
@@ -110,7 +111,10 @@ def thread_with_most_room(simulator: DirectSimulator, task: Threading, most: flo
 
     The DLO passes obliquely by `most` at most, rad. Infeasible: none was found.
     """
-    way = roomiest_way(quick_simulator(simulator), task, most)
+    depths = np.unique(np.linspace(task.depths[0], task.depths[-1], _DEPTHS))
+    way = RoomSearch(quick_simulator(simulator), task.demands, depths).way(task, most)
+    if isinstance(way, NoRoom):
+        raise way.refusal(task)
     refused: Infeasible | None = None
     for firm in _FIRM:
         try:
@@ -147,51 +151,76 @@ def _along(simulator: DirectSimulator, task: Threading, grippers: Floats) -> Pla
     return builder.finished()
 
 
-def roomiest_way(simulator: DirectSimulator, task: Threading, most: float) -> RoomyWay:
-    """Return the way of the largest margins through one cut-out; Infeasible if there is none."""
-    cutout, demands, length = task.cutouts[0], task.demands, simulator.rod.length
-    builder = PlanBuilder(task.depths, demands)
-    shapes = reachable_shapes(simulator, max(demands.stability, 0.0), demands.progress.check)
-    if shapes is None:
-        raise builder.refusal('room', 0.0, 'the loads on the DLO are not along one axis')
-    depths = np.unique(np.linspace(task.depths[0], task.depths[-1], _DEPTHS))
-    uncertain = uncertain_state(simulator.surroundings, demands.uncertainty)
-    round_ = is_axisymmetric(simulator.rod)
-    passages = list(passages_through(shapes, task, depths, uncertain, most, round_))
-    full = upright_room(cutout, demands.surface)
-    empty = next((k for k, one in enumerate(passages) if not one.which.size), None)
-    if empty is not None:
-        raise _no_room(builder, task, depths[empty], 'no shape that the DLO can come to has room '
-                       'in this hole')
-    costs, onward = _costs_to_go(passages, full, length, round_)
-    if not np.isfinite(costs[0]).any():
-        last = next(k for k in range(len(costs))[::-1] if not np.isfinite(costs[k]).any())
-        raise _no_room(builder, task, depths[last], 'no shapes with room in this hole lead on')
-    for k in np.argsort(costs[0])[:_STARTS].tolist():
-        if not np.isfinite(costs[0][k]):
-            break
-        demands.progress.check()
-        one = passages[0]
-        turn = one.grippers[k] @ shapes.frames[one.which[k], 0].T
-        if gets_there(simulator, Pose.from_rotation((0.0, 0.0, 0.0), one.grippers[k]),
-                      turn @ shapes.frames[one.which[k], -1], task.initial):
-            picks = [k]
-            for step in onward:
-                picks.append(int(step[picks[-1]]))
-            grippers = np.array([one.grippers[p] for one, p in zip(passages, picks, strict=True)])
-            if round_:
-                grippers = _without_roll(grippers, task)
-            return RoomyWay(depths, grippers, min(float(one.margin[p]) for one, p in zip(
-                passages, picks, strict=True)))
-    raise builder.refusal('start', 0.0, 'shapes with room in this hole lead through all depths, '
-                          'but the DLO, set down there in its natural shape, falls into another')
+class NoRoom(NamedTuple):
+    """Why no way leads through a hole."""
+
+    depth: float  # m, where none does
+    why: str
+    constraint: str = 'room'
+
+    def refusal(self, task: Threading) -> Infeasible:
+        """Return it as the refusal of a Threading."""
+        index = min(int(np.searchsorted(task.depths, self.depth)), len(task.depths) - 1)
+        return Infeasible(f'waypoint {index} (depth {self.depth:.4g} m): {self.why}', index,
+                          self.constraint, 0.0, PlanBuilder(task.depths, task.demands).partial(),
+                          'm')
 
 
-def _no_room(builder: PlanBuilder, task: Threading, depth: float, why: str) -> Infeasible:
-    """Return Infeasible for a depth, m."""
-    index = min(int(np.searchsorted(task.depths, depth)), len(task.depths) - 1)
-    return Infeasible(f'waypoint {index} (depth {depth:.4g} m): {why}', index, 'room', 0.0,
-                      builder.partial(), 'm')
+class RoomSearch:
+    """Looks for ways of a DLO through any hole, at depths (K,), m: its shapes are found once."""
+
+    def __init__(self, simulator: DirectSimulator, demands: Judge, depths: Floats) -> None:
+        self.simulator, self.demands, self.depths = simulator, demands, depths
+        self.round = is_axisymmetric(simulator.rod)  # a roll of the gripper makes no difference
+        self.shapes = reachable_shapes(simulator, max(demands.stability, 0.0),
+                                       demands.progress.check)
+        self._uncertain = uncertain_state(simulator.surroundings, demands.uncertainty)
+        self._misses: dict[int, Floats] = {}
+
+    def misses(self, which: Ints, index: int) -> Floats:
+        """Return the expected misses (m,) of some shapes at one of the depths, m."""
+        assert self.shapes is not None  # whose indices these are
+        length = self.simulator.rod.length
+        for k in {*which.tolist()} - self._misses.keys():
+            self._misses[k] = expected_misses(self._uncertain, self.shapes.shapes[k],
+                                              length - self.depths)
+        return np.array([self._misses[k][index] for k in which.tolist()])
+
+    def way(self, task: Threading, most: float) -> RoomyWay | NoRoom:
+        """Return the way of the largest margins through the hole of a Threading, or why not.
+
+        `most`: largest angle at which the DLO may pass, rad.
+        """
+        shapes, depths = self.shapes, self.depths
+        if shapes is None:
+            return NoRoom(float(depths[0]), 'the DLO does not hang by loads along one axis')
+        passages = list(_passages(self, shapes, task, most))
+        empty = next((k for k, one in enumerate(passages) if not one.which.size), None)
+        if empty is not None:
+            return NoRoom(float(depths[empty]), 'no shape that the DLO can come to has room in '
+                          'this hole')
+        costs, onward = _costs_to_go(passages, upright_room(task.cutouts[0], self.demands.surface),
+                                     self.simulator.rod.length, self.round)
+        if not np.isfinite(costs[0]).any():
+            last = max(k for k in range(len(costs)) if not np.isfinite(costs[k]).any())
+            return NoRoom(float(depths[last]), 'no shapes with room in this hole lead on')
+        first = passages[0]
+        for k in np.argsort(costs[0])[:_STARTS].tolist():
+            self.demands.progress.check()
+            if not np.isfinite(costs[0][k]):
+                break
+            turn = first.grippers[k] @ shapes.frames[first.which[k], 0].T
+            if gets_there(self.simulator, Pose.from_rotation((0.0, 0.0, 0.0), first.grippers[k]),
+                          turn @ shapes.frames[first.which[k], -1], task.initial):
+                picks = [k]
+                for step in reversed(onward):
+                    picks.append(int(step[picks[-1]]))
+                grippers = np.array([one.grippers[p]
+                                     for one, p in zip(passages, picks, strict=True)])
+                return RoomyWay(depths, _without_roll(grippers, task) if self.round else grippers)
+        return NoRoom(float(depths[0]), 'shapes with room in this hole lead through all depths, '
+                      'but the DLO, set down there in its natural shape, falls into another',
+                      'start')
 
 
 def _without_roll(grippers: Floats, task: Threading) -> Floats:
@@ -207,7 +236,7 @@ def _without_roll(grippers: Floats, task: Threading) -> Floats:
 
 def _costs_to_go(passages: list[Passage], full: float, length: float,
                  round_: bool) -> tuple[list[Floats], list[Ints]]:
-    """Return costs [(m,)] of the best ways from each passage on, and the next on it [(m,)].
+    """Return costs [(m,)] of the best ways on from each depth, and the next [(m,)], the last first.
 
     round_: a roll of the gripper makes no difference.
     """
@@ -226,41 +255,34 @@ def _costs_to_go(passages: list[Passage], full: float, length: float,
         far = (turn > _FARTHEST**2) | (shift > _SHIFT**2)
         total = np.where(far, np.inf, _TURN * (turn + np.maximum(shift, 0.0))) + costs[0]
         best = total.argmin(axis=1)
-        onward.insert(0, best)
+        onward.append(best)
         costs.insert(0, total[np.arange(len(best)), best] + lost(one))
     return costs, onward
 
 
-def passages_through(shapes: Reachable, task: Threading, depths: Floats, uncertain: UncertainState,
-                     most: float, round_: bool) -> Iterator[Passage]:
-    """Yield the Passage at each depth (K,), m.
-
-    `most`: largest angle at which it passes, rad; round_: a roll of the gripper does not matter.
-    """
-    cutout, arcs = task.cutouts[0], shapes.s[-1] - depths
-    sheet = sheet_of(cutout, shapes.s[-1], task.demands.obstacles)
+def _passages(search: RoomSearch, shapes: Reachable, task: Threading,
+              most: float) -> Iterator[Passage]:
+    """Yield the Passage at each depth, obliquely by `most` at most, rad."""
+    cutout, demands, lengths = task.cutouts[0], task.demands, np.diff(shapes.s)
+    sheet = sheet_of(cutout, float(shapes.s[-1]), demands.obstacles)
     assert sheet is not None  # it has a size
-    scene, center = scene_about(sheet, task.demands.surface, shapes.s), np.array(
-        cutout.center - sheet.pose.position)
-    lengths, misses = np.diff(shapes.s), dict[int, Floats]()
-    for index, s in enumerate(arcs.tolist()):
-        task.demands.progress.check()
+    scene, normal = scene_about(sheet, demands.surface, shapes.s), np.array(cutout.normal)
+    center = np.array(cutout.center - sheet.pose.position)
+    full = upright_room(cutout, demands.surface)
+    for index, s in enumerate((shapes.s[-1] - search.depths).tolist()):
+        demands.progress.check()
         element = min(int(shapes.s.searchsorted(s, side='right')) - 1, lengths.size - 1)
-        fraction = float((s - shapes.s[element]) / lengths[element])
         axes, places = _points(lengths, shapes.strains, shapes.frames, shapes.positions, element,
-                               fraction)
-        turns = _turns(axes[:, :, 0], np.array(cutout.normal), shapes.up, round_)
-        rooms = _rooms(scene, np.array(cutout.normal), 0.5 * sheet.thickness, center, lengths,
-                       shapes.strains, shapes.frames, shapes.positions, element, axes, places,
-                       turns, np.cos(most) if most < 0.5 * np.pi else 0.0)
-        which, heading = np.nonzero(rooms > _LEAST * upright_room(cutout, task.demands.surface))
-        for k in set(which.tolist()) - misses.keys():
-            misses[k] = expected_misses(uncertain, shapes.shapes[k], arcs)
+                               float((s - shapes.s[element]) / lengths[element]))
+        turns = _turns(axes[:, :, 0], normal, shapes.up, search.round)
+        rooms = _rooms(scene, normal, center, lengths, shapes.strains, shapes.frames,
+                       shapes.positions, element, axes, places, turns,
+                       np.cos(most) if most < 0.5 * np.pi else 0.0, _LEAST * full, _STEP * full)
+        which, heading = np.nonzero(rooms > 0)
         turned, room = turns[which, heading], rooms[which, heading]
-        expected = np.array([misses[k][index] for k in which.tolist()])
         passage = Passage(which, turned @ shapes.frames[which, 0],
-                          -np.einsum('kij,kj->ki', turned, places[which]), room,
-                          room - DEVIATIONS * expected)
+                          -np.einsum('kij,kj->ki', turned, places[which]),
+                          room - DEVIATIONS * search.misses(which, index))
         yield passage.chosen(np.argsort(-passage.margin, kind='stable')[:_MOST])
 
 
@@ -289,37 +311,71 @@ def _points(lengths: Floats, strains: Floats, frames: Floats, positions: Floats,
 
 
 @kernel
-def _rooms(scene: Scene, normal: Floats, half: float, center: Floats, lengths: Floats,
-           strains: Floats, frames: Floats, positions: Floats, element: int, axes: Floats,
-           places: Floats, turns: Floats, steepest: float) -> Floats:
+def _rooms(scene: Scene, normal: Floats, center: Floats, lengths: Floats, strains: Floats,
+           frames: Floats, positions: Floats, element: int, axes: Floats, places: Floats,
+           turns: Floats, steepest: float, least: float, step: float) -> Floats:
     """Return the room (n, h), m, of n shapes turned by (n, h, 3, 3), a point of each in the hole.
 
-    -inf: it does not pass, comes back to the sheet, or passes at a cosine below `steepest`.
+    It is exact to half a step (m). -inf: the shape does not pass, comes back to the sheet, passes
+    at a cosine below `steepest`, or has less room than the `least`, m.
 
     Args:
-        center: (3,) from the scene's origin; half: of the sheet's thickness, m
+        center: (3,) of the hole, m
         axes, places: (n, 3, 3) and (n, 3) of the points, in an element
     """
     n, nodes, count = strains.shape[0], positions.shape[1], turns.shape[1]
-    rooms = np.full((n, count), -np.inf)
-    rotations, points = np.empty((nodes, 3, 3)), np.empty((nodes, 3))
+    rooms, across = np.full((n, count), -np.inf), np.empty(3)
     for i in range(n):
         for h in range(count):
-            turn = matrix(turns[i, h])
-            if inner(normal, applied(turn, vector(axes[i, :, 0]))) <= steepest:
+            # heights are along the normal in the frame of the shape as it is
+            put_vector(transposed_applied(matrix(turns[i, h]), vector(normal)), across)
+            if inner(across, axes[i, :, 0]) <= steepest:
                 continue
             passes = True
             for k in range(nodes):
-                put_vector(applied(turn, minus(vector(positions[i, k]), vector(places[i]))),
-                           points[k])
-                height = inner(normal, points[k])
-                points[k] += center
+                height = 0.0
+                for a in range(3):
+                    height += across[a] * (positions[i, k, a] - places[i, a])
                 if k <= element and height > 0.0 or k > element + 1 and height < 0.0:
                     passes = False
                     break
             if passes:
-                for k in range(nodes):
-                    put_matrix(times(turn, matrix(frames[i, k])), rotations[k])
-                rooms[i, h] = np.min(smallest_gaps(scene, lengths, strains[i], rotations, points,
-                                                   normal, half, _KNOWN))
+                room = _least_room(scene, lengths, strains[i], frames[i], positions[i], places[i],
+                                   turns[i, h], center, least, step)
+                rooms[i, h] = room if room > least else -np.inf
     return rooms
+
+
+@kernel
+def _least_room(scene: Scene, lengths: Floats, strains: Floats, frames: Floats, positions: Floats,
+                place: Floats, turn: Floats, center: Floats, enough: float, step: float) -> float:
+    """Return the least gap (m) of a DLO that is turned, `place` (3,) in the center; see `_rooms`.
+
+    No gap changes more than its feature is long: the next point that may have a smaller one is
+    as far ahead as this gap exceeds the least. Faces of strips are not looked at.
+    """
+    room, turned = np.inf, matrix(turn)
+    x, frame, offset = np.empty(3), np.empty((3, 3)), np.empty(2)
+    point, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
+    for o in range(scene.kind.size):
+        if scene.feature[o] >= FACE:
+            continue
+        e, last = node_range(scene, o, lengths.size)
+        ahead = 0.0
+        while room > enough:
+            share = min(ahead / lengths[e], 1.0)
+            point_inside(lengths, strains, frames, positions, e, share, frame, x)
+            put_vector(plus(applied(turned, minus(vector(x), vector(place))), vector(center)), x)
+            put_matrix(times(turned, matrix(frame)), frame)
+            offset[0], offset[1] = scene.offset[o, 0], scene.offset[o, 1]
+            gap = gap_at(scene, o, frame, x, radius_at(scene, o, e, share), offset, point, normal,
+                         hessian)
+            room = min(room, gap)
+            if e == last - 1 and share == 1.0:
+                break
+            ahead += step + (gap - room) / (stretch(scene, o, strains[e]) + abs(
+                taper(scene, o, e)) / lengths[e])
+            while ahead > lengths[e] and e < last - 1:
+                ahead -= lengths[e]
+                e += 1
+    return room

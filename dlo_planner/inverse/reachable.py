@@ -73,7 +73,8 @@ def hanging_straight(simulator: DirectSimulator) -> Shape | None:
 
 def _downwards(up: Floats) -> Floats:
     """Return a rotation (3, 3) whose x axis is against `up`."""
-    return frames_with(np.array([[-1.0, 0.0, 0.0]]), up)[0]
+    rotation: Floats = frames_with(np.array([[-1.0, 0.0, 0.0]]), up)[0]
+    return rotation
 
 
 def _is_good(shape: Shape, stability: float) -> bool:

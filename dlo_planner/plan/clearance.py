@@ -59,7 +59,7 @@ def clearance(obstacles: Iterable[Obstacle], surface: Surface | float, shape: Sh
 
 
 def _clearance(scene: Scene, shape: Shape) -> float:
-    return float(smallest_gaps(scene, *kernel_arrays(shape), np.zeros(3), np.inf, _KNOWN)[3])
+    return float(_smallest(scene, *kernel_arrays(shape), np.zeros(3), np.inf)[3])
 
 
 def scene_about(sheet: Sheet, surface: Surface | float, s: Floats) -> Scene:
@@ -83,8 +83,8 @@ def hole_clearances(sheet: Sheet, normal: ArrayLike, surface: Surface | float,
     middle = np.array(sheet.pose.position)
     scene = scene_about(sheet, surface, shape.s) if scene is None else scene
     lengths, strains, frames, positions = kernel_arrays(shape)
-    result: Floats = smallest_gaps(scene, lengths, strains, frames, positions - middle,
-                                   np.array(normal, dtype=float), 0.5 * sheet.thickness, _KNOWN)[:3]
+    result: Floats = _smallest(scene, lengths, strains, frames, positions - middle,
+                               np.array(normal, dtype=float), 0.5 * sheet.thickness)[:3]
     return result
 
 
@@ -148,8 +148,8 @@ class Bodies:
 
 
 @kernel
-def smallest_gaps(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
-                  positions: Floats, normal: Floats, half: float, known: float) -> Floats:
+def _smallest(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats, positions: Floats,
+              normal: Floats, half: float) -> Floats:
     """Return the smallest gaps (4,): in the plate, before it, behind it, of all.
 
     Each part is closed: where the DLO passes a face belongs to both sides of it.
@@ -157,12 +157,11 @@ def smallest_gaps(scene: Scene, lengths: Floats, strains: Floats, rotations: Flo
     Args:
         positions: (N + 1, 3) from the scene's origin
         normal: (3,) of a plate there; half: of its thickness, m; infinite: there is no plate
-        known: of the length: how exactly
     """
     nodes = positions.shape[0]
     frame, x, offset = np.empty((3, 3)), np.empty(3), np.zeros(2)
     slope, bend = np.empty(3), np.empty((3, 3))
-    flush, exact = _FLUSH * np.sum(lengths), known * np.sum(lengths)
+    flush, exact = _FLUSH * np.sum(lengths), _KNOWN * np.sum(lengths)
     gaps, heights, cuts = np.empty(nodes), np.empty(nodes), np.empty(4)
     out = np.full(4, np.inf)
     for o in range(scene.kind.size):

@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.advice import advice
 from dlo_planner.inverse.continuation import (
     DOUBTFUL,
     Aligned,
@@ -379,8 +380,12 @@ class Thread(Task):
             if self.max_misalignment == 0 or not 0 < room < np.inf:
                 return along()
             most = np.inf if self.max_misalignment is None else self.max_misalignment
-            return _with_room(along, partial(thread_with_most_room, free, task, most), room,
-                              partial(largest_margins, free, demands.uncertainty, room))
+            try:
+                return _with_room(along, partial(thread_with_most_room, free, task, most), room,
+                                  partial(largest_margins, free, demands.uncertainty, room))
+            except Infeasible as error:
+                error.advise = partial(advice, free, task, most)
+                raise
 
         plan = deepest(planned, depths) if self.as_deep_as_possible else planned(depths)
         if self.gripper_clearance is None:
