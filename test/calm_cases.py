@@ -53,7 +53,7 @@ def cell(name):
     direct, length = DirectSimulator(rod), rod.length
     inverse = InverseSimulator(direct)
     hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=radius)
-    plan = inverse.thread(hole, depths=np.linspace(0, 0.95 * length, 40))
+    plan = inverse.thread(hole, depths=np.linspace(0, 0.95 * length, 40), max_misalignment=0)
     begin = Pose((-1.3 * length, 0.3 * length, 1 + 0.1 * length), (0, 0, 0, 1))
     return direct, concatenate(inverse.approach(hole, plan, begin, standoff=0.1 * length), plan)
 

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threading with the most room: the DLO passes the center in any direction.
 
-What counts is the margin, the clearance in the hole less the miss that is to be expected. At each
+What counts is the margin, the clearance in the hole less the miss that is to be expected, or how
+much is lacking (`plan.margin`). At each
 of some depths all shapes that the DLO can come to (`inverse.reachable`) are looked at, turned about
 the vertical so that they pass as upright as they can; dynamic programming over the depths (Bellman
-1957) finds the way whose margins are largest and whose gripper turns least. A smooth curve along
+1957) finds the way of the best ratings whose whose gripper turns least. A smooth curve along
 its grippers (Whittaker 1923) is the plan's way; the shapes on it are followed, exact as any.
 """
 
@@ -44,7 +45,13 @@ from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
 from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.clearance import scene_about, sheet_of
-from dlo_planner.plan.margin import DEVIATIONS, expected_misses, uncertain_state, upright_room
+from dlo_planner.plan.margin import (
+    DEVIATIONS,
+    expected_misses,
+    rating,
+    uncertain_state,
+    upright_room,
+)
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import waypoint_at
 from dlo_planner.uncertainty.parameters import Uncertainty
@@ -58,21 +65,20 @@ _SHIFT = 0.3        # of the length, the same
 _MOST = 700         # shapes at a depth: those of the largest margin
 _STARTS = 24        # shapes with which a way may begin that are tried
 _FIRM = (3.0, 0.3, 0.0)  # how much smoothness counts, tried in turn: features of 8, 4, no depths go
-_WORST = -10.0      # of the room: margins below this are alike, so that their squares stay finite
 
 
-def largest_margins(simulator: DirectSimulator, uncertainty: Uncertainty | None, room: float,
-                    depths: Floats) -> Floats:
-    """Return (k,) margins (m) that no shape exceeds at depths (k,), m, in a hole with this room, m.
+def best_rating(simulator: DirectSimulator, uncertainty: Uncertainty | None, room: float,
+                depths: Floats) -> float:
+    """Return a rating that the least one at depths (k,), m, does not exceed, in a hole's room, m.
 
-    They are of the DLO that hangs straight down, whose weight stiffens it most; where the loads are
-    not along one axis, the room.
+    It is of the DLO that hangs straight down, whose weight stiffens it most, upright in the hole.
     """
     hanging = hanging_straight(simulator)
     if hanging is None:
-        return np.full(len(depths), room)
+        return 1.0
     uncertain = uncertain_state(simulator.surroundings, uncertainty)
-    return room - DEVIATIONS * expected_misses(uncertain, hanging, simulator.rod.length - depths)
+    expected = expected_misses(uncertain, hanging, simulator.rod.length - depths)
+    return float(rating(np.full(len(depths), room), room - DEVIATIONS * expected, room).min())
 
 
 class Passage(NamedTuple):
@@ -81,7 +87,7 @@ class Passage(NamedTuple):
     which: Ints        # (m,) indices of the shapes
     grippers: Floats   # (m, 3, 3) rotations of the gripper
     places: Floats     # (m, 3) the gripper's origin from the center, m
-    margin: Floats     # (m,) m
+    rating: Floats     # (m,) of clearance and margin, see `plan.margin`
 
     def chosen(self, some: Bools | Ints) -> Passage:
         """Return some of them (a mask or indices)."""
@@ -199,8 +205,7 @@ class RoomSearch:
         if empty is not None:
             return NoRoom(float(depths[empty]), 'no shape that the DLO can come to has room in '
                           'this hole')
-        costs, onward = _costs_to_go(passages, upright_room(task.cutouts[0], self.demands.surface),
-                                     self.simulator.rod.length, self.round)
+        costs, onward = _costs_to_go(passages, self.simulator.rod.length, self.round)
         if not np.isfinite(costs[0]).any():
             last = max(k for k in range(len(costs)) if not np.isfinite(costs[k]).any())
             return NoRoom(float(depths[last]), 'no shapes with room in this hole lead on')
@@ -234,14 +239,14 @@ def _without_roll(grippers: Floats, task: Threading) -> Floats:
     return np.array(rolled)
 
 
-def _costs_to_go(passages: list[Passage], full: float, length: float,
+def _costs_to_go(passages: list[Passage], length: float,
                  round_: bool) -> tuple[list[Floats], list[Ints]]:
     """Return costs [(m,)] of the best ways on from each depth, and the next [(m,)], the last first.
 
     round_: a roll of the gripper makes no difference.
     """
     def lost(one: Passage) -> Floats:
-        part: Floats = (1 - np.maximum(one.margin / full, _WORST))**2
+        part: Floats = (1 - one.rating)**2
         return part
 
     costs, onward = [lost(passages[-1])], list[Ints]()
@@ -282,8 +287,8 @@ def _passages(search: RoomSearch, shapes: Reachable, task: Threading,
         turned, room = turns[which, heading], rooms[which, heading]
         passage = Passage(which, turned @ shapes.frames[which, 0],
                           -np.einsum('kij,kj->ki', turned, places[which]),
-                          room - DEVIATIONS * search.misses(which, index))
-        yield passage.chosen(np.argsort(-passage.margin, kind='stable')[:_MOST])
+                          rating(room, room - DEVIATIONS * search.misses(which, index), full))
+        yield passage.chosen(np.argsort(-passage.rating, kind='stable')[:_MOST])
 
 
 def _turns(tangents: Floats, normal: Floats, up: Floats, round_: bool) -> Floats:

@@ -3,7 +3,7 @@
 """What uncertainty leaves of the room in a hole: clearance less the miss that is to be expected.
 
 The miss grows as 1 / stability, the clearance falls only as the cosine of the angle at which the
-DLO passes: what is largest is the difference of both. It is to first order, for an `Uncertainty`.
+DLO passes. It is to first order, for an `Uncertainty`.
 """
 
 from __future__ import annotations
@@ -24,6 +24,19 @@ from dlo_planner.uncertainty.parameters import VARIATION, Uncertainty
 from dlo_planner.uncertainty.state import PointSlopes, UncertainState
 
 DEVIATIONS = 2.0  # standard deviations of the miss that a margin leaves room for
+_TINY = 1e-12     # of a room
+
+
+def rating(clearance: Floats, margin: Floats, room: float) -> Floats:
+    """Return (n,) how well a DLO passes: its margin as a part of the room (m) of an upright one.
+
+    Where there is none, what of two standard deviations the clearance lacks, as a part of them: so
+    a DLO with hardly any clearance, which is known the better, does not count as the best (-1).
+
+    Shapes: clearance, margin (n,), m.
+    """
+    lacking = margin / np.maximum(clearance - np.minimum(margin, 0), _TINY * room)
+    return np.where(margin >= 0, margin / room, lacking)
 
 
 def usual_uncertainty(rod: Rod) -> Uncertainty:

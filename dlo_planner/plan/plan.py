@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.shape import Shape, carried, pack, unpack
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Sheet
@@ -27,7 +27,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, freeze, put
 from dlo_planner.pictured import Filmed
 from dlo_planner.plan.goals import DirectionAt, FrameAt, PositionAt, Residuals, Through
-from dlo_planner.plan.margin import least_margin
+from dlo_planner.plan.margin import least_margin, rating
 from dlo_planner.plan.path import GripperPath, held_after
 from dlo_planner.uncertainty.parameters import Uncertainty
 
@@ -312,9 +312,10 @@ class Plan(Filmed):
         freeze(margin)
         return margin
 
-    def least_margin(self, waypoints: Iterable[int]) -> float:
-        """Return the least `margin` (m) of some waypoints, without looking at all; nan: none."""
-        return float(np.min([self._margin_at(k) for k in waypoints]))
+    def least_rating(self, waypoints: Ints, room: float) -> float:
+        """Return the least `rating` of some waypoints (k,), in holes of this room, m."""
+        margins = np.array([self._margin_at(k) for k in waypoints.tolist()])
+        return float(rating(self.clearances[waypoints].min(axis=(1, 2)), margins, room).min())
 
     def _margin_at(self, k: int) -> float:
         return least_margin(self.uncertainty, self.shapes[k],

@@ -211,7 +211,7 @@ def test_where_the_straight_turn_would_let_it_fall_another_does_not(stiffness, b
     hole = CutOut(Pose.looking_along((0, 0, 1), (1, *rng.uniform(-0.3, 0.3, 2))), radius=0.02)
     simulator = DirectSimulator(rod)
     inverse = InverseSimulator(simulator)
-    plan = inverse.thread(hole)
+    plan = inverse.thread(hole, max_misalignment=0)
     first = plan.grippers[0]
     here = Pose.from_rotation(
         first.position - rng.uniform(0.3, 1.0) * hole.normal + rng.uniform(-0.4, 0.4, 3),

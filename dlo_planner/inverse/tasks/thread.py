@@ -40,7 +40,7 @@ from dlo_planner.inverse.equilibria import (
     shape_with_end,
     start_candidates,
 )
-from dlo_planner.inverse.most_room import largest_margins, thread_with_most_room
+from dlo_planner.inverse.most_room import best_rating, thread_with_most_room
 from dlo_planner.inverse.route import (
     NO_WAY,
     Threading,
@@ -282,18 +282,17 @@ def deepest(planned: Callable[[Floats], Plan], depths: Floats) -> Plan:
 
 
 def _with_room(along: Callable[[], Plan], oblique: Callable[[], Plan], room: float,
-               largest: Callable[[Floats], Floats]) -> Plan:
+               best: Callable[[Floats], float]) -> Plan:
     """Return the Plan along the normal, or an oblique one that has more of the `room` (m) left.
 
-    `largest`: no shape of the DLO has a larger margin at depths (k,), m.
+    `best`: no shape of the DLO has a better rating at depths (k,), m.
     """
     refused: Infeasible | None = None
     plan: Plan | None = None
     try:
         plan = along()
         some = np.unique(np.linspace(0, len(plan) - 1, _LOOKED_AT).astype(int))
-        least = plan.least_margin(some.tolist())
-        if least >= min(_ENOUGH * room, largest(plan.depths[some]).min() - _GAIN * room):
+        if plan.least_rating(some, room) >= min(_ENOUGH, best(plan.depths[some]) - _GAIN):
             return plan
     except Infeasible as error:
         refused = error
@@ -304,9 +303,10 @@ def _with_room(along: Callable[[], Plan], oblique: Callable[[], Plan], room: flo
             return plan
         assert refused is not None  # else there is a plan
         raise _refused_both(refused, error) from None
-    if plan is None or other.margin.min() >= plan.margin.min() + _GAIN * room:
+    if plan is None:
         return other
-    return plan
+    one, another = (each.least_rating(np.arange(len(each)), room) for each in (plan, other))
+    return other if another >= one + _GAIN else plan
 
 
 def _refused_both(along: Infeasible, oblique: Infeasible) -> Infeasible:
@@ -382,7 +382,7 @@ class Thread(Task):
             most = np.inf if self.max_misalignment is None else self.max_misalignment
             try:
                 return _with_room(along, partial(thread_with_most_room, free, task, most), room,
-                                  partial(largest_margins, free, demands.uncertainty, room))
+                                  partial(best_rating, free, demands.uncertainty, room))
             except Infeasible as error:
                 error.advise = partial(advice, free, task, most)
                 raise
