@@ -118,7 +118,7 @@ def _bound(passes: Callable[[float], bool], refused: float, easy: float,
 
 def _search(simulator: DirectSimulator, task: Threading) -> RoomSearch:
     return RoomSearch(quick_simulator(simulator), task.demands, np.linspace(
-        task.depths[0], task.depths[-1], min(_DEPTHS, len(task.depths))))
+        task.depths[0], task.depths[-1], min(_DEPTHS, len(task.depths))), rated=False)
 
 
 def _passes(simulator: DirectSimulator, task: Threading, most: float) -> bool:

@@ -62,7 +62,7 @@ _DEPTHS = 24        # that are looked at
 _TURN = 0.03        # per rad^2 between two depths, against the square of the part of room lost
 _FARTHEST = 0.5     # rad of the gripper, and the sine of it, between two depths looked at
 _SHIFT = 0.3        # of the length, the same
-_MOST = 700         # shapes at a depth: those of the largest margin
+_MOST = 400         # shapes at a depth: those of the largest margin
 _STARTS = 24        # shapes with which a way may begin that are tried
 _FIRM = (3.0, 0.3, 0.0)  # how much smoothness counts, tried in turn: features of 8, 4, no depths go
 
@@ -173,19 +173,25 @@ class NoRoom(NamedTuple):
 
 
 class RoomSearch:
-    """Looks for ways of a DLO through any hole, at depths (K,), m: its shapes are found once."""
+    """Looks for ways of a DLO through any hole, at depths (K,), m: its shapes are found once.
 
-    def __init__(self, simulator: DirectSimulator, demands: Judge, depths: Floats) -> None:
+    Unless `rated`, no miss is expected: that is quicker where only whether there is a way counts.
+    """
+
+    def __init__(self, simulator: DirectSimulator, demands: Judge, depths: Floats,
+                 rated: bool = True) -> None:
         self.simulator, self.demands, self.depths = simulator, demands, depths
         self.round = is_axisymmetric(simulator.rod)  # a roll of the gripper makes no difference
         self.shapes = reachable_shapes(simulator, max(demands.stability, 0.0),
                                        demands.progress.check)
-        self._uncertain = uncertain_state(simulator.surroundings, demands.uncertainty)
+        self._uncertain = uncertain_state(simulator.surroundings, demands.uncertainty if rated
+                                          else Uncertainty())
         self._misses: dict[int, Floats] = {}
 
     def misses(self, which: Ints, index: int) -> Floats:
         """Return the expected misses (m,) of some shapes at one of the depths, m."""
-        assert self.shapes is not None  # whose indices these are
+        if not self._uncertain.size or self.shapes is None:
+            return np.zeros(len(which))
         length = self.simulator.rod.length
         for k in {*which.tolist()} - self._misses.keys():
             self._misses[k] = expected_misses(self._uncertain, self.shapes.shapes[k],
@@ -205,7 +211,7 @@ class RoomSearch:
         if empty is not None:
             return NoRoom(float(depths[empty]), 'no shape that the DLO can come to has room in '
                           'this hole')
-        costs, onward = _costs_to_go(passages, self.simulator.rod.length, self.round)
+        costs, onward = _costs_to_go(passages, self.simulator.rod.length, 1 if self.round else 3)
         if not np.isfinite(costs[0]).any():
             last = max(k for k in range(len(costs)) if not np.isfinite(costs[k]).any())
             return NoRoom(float(depths[last]), 'no shapes with room in this hole lead on')
@@ -240,29 +246,46 @@ def _without_roll(grippers: Floats, task: Threading) -> Floats:
 
 
 def _costs_to_go(passages: list[Passage], length: float,
-                 round_: bool) -> tuple[list[Floats], list[Ints]]:
+                 columns: int) -> tuple[list[Floats], list[Ints]]:
     """Return costs [(m,)] of the best ways on from each depth, and the next [(m,)], the last first.
 
-    round_: a roll of the gripper makes no difference.
+    columns: how many axes of the gripper count; 1: a roll makes no difference.
     """
-    def lost(one: Passage) -> Floats:
-        part: Floats = (1 - one.rating)**2
-        return part
-
-    costs, onward = [lost(passages[-1])], list[Ints]()
+    costs, onward = [(1 - passages[-1].rating)**2], list[Ints]()
     for one, other in zip(passages[-2::-1], passages[:0:-1], strict=True):
-        axes = (one.grippers[:, :, :1 if round_ else 3], other.grippers[:, :, :1 if round_ else 3])
-        rows = [axis.reshape(len(axis), -1) for axis in axes]
-        alike = rows[0] @ rows[1].T  # 1 or 3 without a turn
-        turn = 2 * (1 - alike) if round_ else 3 - alike  # about its square, rad^2
-        shift = ((one.places**2).sum(axis=1)[:, None] + (other.places**2).sum(axis=1)
-                 - 2 * one.places @ other.places.T) / length**2
-        far = (turn > _FARTHEST**2) | (shift > _SHIFT**2)
-        total = np.where(far, np.inf, _TURN * (turn + np.maximum(shift, 0.0))) + costs[0]
-        best = total.argmin(axis=1)
+        cost, best = _cheapest(one.grippers, one.places / length, other.grippers,
+                               other.places / length, costs[0], columns)
         onward.append(best)
-        costs.insert(0, total[np.arange(len(best)), best] + lost(one))
+        costs.insert(0, cost + (1 - one.rating)**2)
     return costs, onward
+
+
+@kernel
+def _cheapest(grippers: Floats, places: Floats, others: Floats, there: Floats, costs: Floats,
+              columns: int) -> tuple[Floats, Ints]:
+    """Return the least costs (m,) of going on, and to which of the others (k,) at these costs.
+
+    Places are (m, 3) and (k, 3), of the length.
+    """
+    out, best = np.full(grippers.shape[0], np.inf), np.zeros(grippers.shape[0], np.int64)
+    for i in range(grippers.shape[0]):
+        for j in range(others.shape[0]):
+            if costs[j] >= out[i]:
+                continue
+            # about the squares of the turn, rad^2, and of the shift
+            turn = shift = 0.0
+            for a in range(3):
+                for b in range(columns):
+                    turn += (grippers[i, a, b] - others[j, a, b])**2
+                shift += (places[i, a] - there[j, a])**2
+            if columns > 1:
+                turn *= 0.5
+            if turn > _FARTHEST**2 or shift > _SHIFT**2:
+                continue
+            cost = costs[j] + _TURN * (turn + shift)
+            if cost < out[i]:
+                out[i], best[i] = cost, j
+    return out, best
 
 
 def _passages(search: RoomSearch, shapes: Reachable, task: Threading,
@@ -277,11 +300,12 @@ def _passages(search: RoomSearch, shapes: Reachable, task: Threading,
     for index, s in enumerate((shapes.s[-1] - search.depths).tolist()):
         demands.progress.check()
         element = min(int(shapes.s.searchsorted(s, side='right')) - 1, lengths.size - 1)
+        fraction = float((s - shapes.s[element]) / lengths[element])
         axes, places = _points(lengths, shapes.strains, shapes.frames, shapes.positions, element,
-                               float((s - shapes.s[element]) / lengths[element]))
+                               fraction)
         turns = _turns(axes[:, :, 0], normal, shapes.up, search.round)
         rooms = _rooms(scene, normal, center, lengths, shapes.strains, shapes.frames,
-                       shapes.positions, element, axes, places, turns,
+                       shapes.positions, element, fraction, axes, places, turns,
                        np.cos(most) if most < 0.5 * np.pi else 0.0, _LEAST * full, _STEP * full)
         which, heading = np.nonzero(rooms > 0)
         turned, room = turns[which, heading], rooms[which, heading]
@@ -317,8 +341,8 @@ def _points(lengths: Floats, strains: Floats, frames: Floats, positions: Floats,
 
 @kernel
 def _rooms(scene: Scene, normal: Floats, center: Floats, lengths: Floats, strains: Floats,
-           frames: Floats, positions: Floats, element: int, axes: Floats, places: Floats,
-           turns: Floats, steepest: float, least: float, step: float) -> Floats:
+           frames: Floats, positions: Floats, element: int, fraction: float, axes: Floats,
+           places: Floats, turns: Floats, steepest: float, least: float, step: float) -> Floats:
     """Return the room (n, h), m, of n shapes turned by (n, h, 3, 3), a point of each in the hole.
 
     It is exact to half a step (m). -inf: the shape does not pass, comes back to the sheet, passes
@@ -326,7 +350,7 @@ def _rooms(scene: Scene, normal: Floats, center: Floats, lengths: Floats, strain
 
     Args:
         center: (3,) of the hole, m
-        axes, places: (n, 3, 3) and (n, 3) of the points, in an element
+        axes, places: (n, 3, 3) and (n, 3) of the points, at a fraction of an element
     """
     n, nodes, count = strains.shape[0], positions.shape[1], turns.shape[1]
     rooms, across = np.full((n, count), -np.inf), np.empty(3)
@@ -345,16 +369,17 @@ def _rooms(scene: Scene, normal: Floats, center: Floats, lengths: Floats, strain
                     passes = False
                     break
             if passes:
-                room = _least_room(scene, lengths, strains[i], frames[i], positions[i], places[i],
-                                   turns[i, h], center, least, step)
+                room = _least_room(scene, lengths, strains[i], frames[i], positions[i], element,
+                                   fraction, places[i], turns[i, h], center, least, step)
                 rooms[i, h] = room if room > least else -np.inf
     return rooms
 
 
 @kernel
 def _least_room(scene: Scene, lengths: Floats, strains: Floats, frames: Floats, positions: Floats,
-                place: Floats, turn: Floats, center: Floats, enough: float, step: float) -> float:
-    """Return the least gap (m) of a DLO that is turned, `place` (3,) in the center; see `_rooms`.
+                element: int, fraction: float, place: Floats, turn: Floats, center: Floats,
+                enough: float, step: float) -> float:
+    """Return the least gap (m) of a DLO that is turned, its `place` (3,) in the center of the hole.
 
     No gap changes more than its feature is long: the next point that may have a smaller one is
     as far ahead as this gap exceeds the least. Faces of strips are not looked at.
@@ -365,10 +390,10 @@ def _least_room(scene: Scene, lengths: Floats, strains: Floats, frames: Floats, 
     for o in range(scene.kind.size):
         if scene.feature[o] >= FACE:
             continue
-        e, last = node_range(scene, o, lengths.size)
-        ahead = 0.0
+        first, last = node_range(scene, o, lengths.size)
+        # in the hole first: where the gap is small, far points need no look
+        e, share, ahead = min(max(element, first), last - 1), fraction, -1.0
         while room > enough:
-            share = min(ahead / lengths[e], 1.0)
             point_inside(lengths, strains, frames, positions, e, share, frame, x)
             put_vector(plus(applied(turned, minus(vector(x), vector(place))), vector(center)), x)
             put_matrix(times(turned, matrix(frame)), frame)
@@ -376,11 +401,15 @@ def _least_room(scene: Scene, lengths: Floats, strains: Floats, frames: Floats, 
             gap = gap_at(scene, o, frame, x, radius_at(scene, o, e, share), offset, point, normal,
                          hessian)
             room = min(room, gap)
-            if e == last - 1 and share == 1.0:
+            if ahead < 0.0:
+                e, ahead = first, 0.0
+            elif e == last - 1 and share == 1.0:
                 break
-            ahead += step + (gap - room) / (stretch(scene, o, strains[e]) + abs(
-                taper(scene, o, e)) / lengths[e])
+            else:
+                ahead += step + (gap - room) / (stretch(scene, o, strains[e]) + abs(
+                    taper(scene, o, e)) / lengths[e])
             while ahead > lengths[e] and e < last - 1:
                 ahead -= lengths[e]
                 e += 1
+            share = min(ahead / lengths[e], 1.0)
     return room

@@ -25,7 +25,7 @@ from dlo_planner.model.pose import Pose, turned_by
 
 _ELEMENTS = 64           # of each shape: a search is as exact as its grid
 _ARC = np.deg2rad(1.5)   # between two grippers of a round straight DLO
-_POINTS = 900            # of the sphere of any other: 0.12 rad apart
+_POINTS = 600            # of the sphere of any other: 0.15 rad apart
 _HALVINGS = 4            # of a step on the arc, where the DLO falls
 
 
