@@ -26,7 +26,9 @@ _DEPTHS = 12        # that are looked at
 _HALVINGS = 8       # of a lever's range, 1 % of it
 _SHORTEST = 0.05    # of the length: what a hand can hold on to is longer
 _WIDEST = 8.0       # times the size of the hole
-_BACK = 0.97, 0.94  # parts of a lever that are tried by a plan, from what the search found
+_STEP, _STEPS = 0.04, 3  # parts by which a lever is moved on until there is a plan, and no further
+_EXACT = 1e-3       # of the length: accuracy of a trial
+_VERTICAL = 1e-6    # rad, about
 
 
 def advice(simulator: DirectSimulator, task: Threading, most: float) -> str:
@@ -42,78 +44,85 @@ def advice(simulator: DirectSimulator, task: Threading, most: float) -> str:
 
 def _held_nearer(simulator: DirectSimulator, task: Threading, most: float) -> str:
     """Return at which distance from its end the DLO would have to be held, in words."""
-    length, around = simulator.rod.length, simulator.surroundings
+    length, around, short = simulator.rod.length, simulator.surroundings, _with(
+        task, task.cutouts[0])
 
-    def held(free: float) -> tuple[DirectSimulator, Threading]:
+    def held(times: float) -> tuple[DirectSimulator, Threading]:
+        """Return the DLO that is so many times shorter, and its threading."""
+        free = length / times
         part = around.part(length - free, 1)
         shorter = DirectSimulator(part.rod, accuracy=simulator.accuracy and min(
-            simulator.accuracy, 1e-3 * free), gravity=part.gravity, load=part.load,
+            simulator.accuracy, _EXACT * free), gravity=part.gravity, load=part.load,
             point_loads=part.point_loads)
-        short = _with(task, task.cutouts[0])
-        return shorter, replace(short, depths=free / length * task.depths,
+        return shorter, replace(short, depths=task.depths / times,
                                 demands=short.demands.made_with(shorter))
 
-    free = _bound(lambda free: _passes(*held(free), most), length, _SHORTEST * length,
-                  lambda free: _planned(*held(free), most))
-    return '' if free is None else f'if held at most {free:.3g} m from its end'
+    times = _least_change(lambda times: _passes(*held(times), most),
+                          lambda times: times > 1.0 and _planned(*held(times), most),
+                          1.0, 1 / _SHORTEST)
+    return '' if times is None else f'if held at most {length / times:.3g} m from its end'
 
 
 def _turned(simulator: DirectSimulator, task: Threading, most: float) -> str:
     """Return by how much the sheet would have to be turned downwards, in words."""
-    up = -np.asarray(simulator.surroundings.gravity)
-    up = up / np.linalg.norm(up) if up.any() else np.array([0.0, 0.0, 1.0])
-    cutout = task.cutouts[0]
+    cutout, gravity = task.cutouts[0], np.asarray(simulator.surroundings.gravity)
+    up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
     across = np.cross(up, cutout.normal)
-    if np.linalg.norm(across) < 1e-9:
+    if np.linalg.norm(across) < _VERTICAL:
         across = np.array(cutout.pose.rotation[:, 1])
     across = across / np.linalg.norm(across)
     furthest = float(np.pi - np.arccos(np.clip(cutout.normal @ up, -1, 1)))
-    if furthest < 1e-3:
-        return ''
     search = _search(simulator, task)
 
-    def turned(left: float) -> Threading:
-        pose = Pose.from_rotation(cutout.center, turned_by((furthest - left) * across)
-                                  @ cutout.pose.rotation)
-        return _with(task, replace(cutout, pose=pose))
+    def turned(angle: float) -> Threading:
+        return _with(task, replace(cutout, pose=Pose.from_rotation(
+            cutout.center, turned_by(angle * across) @ cutout.pose.rotation)))
 
-    left = _bound(lambda left: isinstance(search.way(turned(left), most), RoomyWay), furthest, 0.0,
-                  lambda left: _planned(simulator, turned(left), most))
-    return '' if left is None else ('with the sheet turned downwards by '
-                                    f'{np.rad2deg(furthest - left):.3g} degrees')
+    angle = None if furthest < _VERTICAL else _least_change(
+        lambda angle: isinstance(search.way(turned(angle), most), RoomyWay),
+        lambda angle: angle <= furthest and _planned(simulator, turned(angle), most),
+        0.0, furthest)
+    return '' if angle is None else ('with the sheet turned downwards by '
+                                     f'{np.rad2deg(angle):.3g} degrees')
 
 
 def _larger(simulator: DirectSimulator, task: Threading, most: float) -> str:
     """Return how large the hole would have to be, in words."""
     cutout, search = task.cutouts[0], _search(simulator, task)
 
-    def scaled(part: float) -> Threading:
-        return _with(task, replace(cutout, **{
-            name: size / part for name in ('radius', 'width', 'height')
-            if (size := getattr(cutout, name)) is not None}))
+    def scaled(times: float) -> CutOut:
+        return replace(cutout, **{name: times * size for name in ('radius', 'width', 'height')
+                                  if (size := getattr(cutout, name)) is not None})
 
-    part = _bound(lambda part: isinstance(search.way(scaled(part), most), RoomyWay), 1.0,
-                  1 / _WIDEST, lambda part: _planned(simulator, scaled(part), most))
-    if part is None:
+    times = _least_change(
+        lambda times: isinstance(search.way(_with(task, scaled(times)), most), RoomyWay),
+        lambda times: times > 1.0 and _planned(simulator, _with(task, scaled(times)), most),
+        1.0, _WIDEST)
+    if times is None:
         return ''
     if cutout.radius is not None:
-        return f'through a hole of radius {cutout.radius / part:.3g} m'
-    assert cutout.width is not None  # it has a size
-    assert cutout.height is not None
-    return f'through a hole of {cutout.width / part:.3g} m by {cutout.height / part:.3g} m'
+        return f'through a hole of radius {times * cutout.radius:.3g} m'
+    one = scaled(times)
+    return f'through a hole of {one.width:.3g} m by {one.height:.3g} m'
 
 
-def _bound(passes: Callable[[float], bool], refused: float, easy: float,
-           planned: Callable[[float], bool]) -> float | None:
-    """Return the value of a lever nearest to `refused` with which there is a plan, or None."""
-    if not passes(easy):
+def _least_change(passes: Callable[[float], bool], planned: Callable[[float], bool],
+                  refused: float, furthest: float) -> float | None:
+    """Return the least change with which there is a plan, or None; more makes it easier."""
+    if not passes(furthest):
         return None
-    good, bad = easy, refused
+    good, bad = furthest, refused
     for _ in range(_HALVINGS):
-        middle = np.sqrt(good * bad) if easy > 0 else 0.5 * (good + bad)
+        middle = np.sqrt(good * bad) if refused > 0 else 0.5 * (good + bad)
         good, bad = (middle, bad) if passes(middle) else (good, middle)
-    return next((value for part in (1.0, *_BACK)
-                 if planned(value := easy + part * (good - easy))), None)
+    # the grid is coarse: what counts is the plan
+    tried = float(good)
+    if planned(tried):
+        while planned(tried * (1 - _STEP)):
+            tried *= 1 - _STEP
+        return tried
+    return next((value for k in range(1, _STEPS)
+                 if planned(value := float(good) * (1 + _STEP)**k)), None)
 
 
 def _search(simulator: DirectSimulator, task: Threading) -> RoomSearch:
