@@ -118,6 +118,8 @@ class HangingShapes:
     # (n,) smallest eigenvalue of the Hessian, as `Shape.stability`; -1 if negative
     stability: Floats
     edges: Ints  # (m, 2) indices of neighbors on the sphere
+    # how far apart they are, of a unit vector: a curve that comes as near to one may miss all edges
+    spacing: float
 
     def at(self, s: float | Floats) -> tuple[Floats, Floats]:
         """Return positions (n, 3) and tangents (n, 3) at the arc length `s`, m, one or (n,)."""
@@ -139,7 +141,7 @@ def hanging_shapes(surroundings: Surroundings, s: Floats) -> HangingShapes | Non
         return None
     directions, edges = sphere(_POINTS)
     frames, positions, stability = _hang(mesh.static, frames_with(directions, up))
-    return HangingShapes(up, s, frames, positions, stability, edges)
+    return HangingShapes(up, s, frames, positions, stability, edges, 2 / np.sqrt(_POINTS))
 
 
 def common_axis(load: Floats) -> Floats | None:
@@ -226,6 +228,11 @@ class Crossings:
         """Return the same crossings, `which` of them (a mask or indices)."""
         return Crossings(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
+    def with_others(self, others: Crossings) -> Crossings:
+        """Return the crossings of this curve and those of another grid."""
+        return Crossings(*(np.concatenate([getattr(self, name), getattr(others, name)])
+                           for name in self.__dataclass_fields__))
+
 
 def crossings(shapes: HangingShapes, vectors: Floats, goal: Floats, s: float | Floats) -> Crossings:
     """Return the stable Crossings of the curve where vectors (n, 3), turned upright, are `goal`."""
@@ -261,7 +268,7 @@ def crossings(shapes: HangingShapes, vectors: Floats, goal: Floats, s: float | F
 def _touching(shapes: HangingShapes, misfit: Floats, scale: float) -> Ints:
     """Return the stable points of the grid where |misfit| is least among neighbors, and small."""
     size = np.where(np.isfinite(misfit), np.abs(misfit), np.inf)
-    least = size < 2 * scale / np.sqrt(size.size)
+    least = size < scale * shapes.spacing
     a, b = shapes.edges.T
     np.logical_and.at(least, a, size[a] <= size[b])
     np.logical_and.at(least, b, size[b] <= size[a])

@@ -19,8 +19,14 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.inverse.equilibria import common_axis, frames_with, is_axisymmetric, sphere
-from dlo_planner.model.arrays import Floats
+from dlo_planner.inverse.equilibria import (
+    HangingShapes,
+    common_axis,
+    frames_with,
+    is_axisymmetric,
+    sphere,
+)
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose, turned_by
 
 _ELEMENTS = 64           # of each shape: a search is as exact as its grid
@@ -39,6 +45,14 @@ class Reachable(NamedTuple):
     frames: Floats  # (n, N + 1, 3, 3)
     positions: Floats  # (n, N + 1, 3) m
     stability: Floats  # (n,)
+    edges: Ints  # (m, 2) indices of neighbors
+    spacing: float  # how far apart they are, rad; 0: in a row
+
+    @property
+    def hanging(self) -> HangingShapes:
+        """The same as HangingShapes."""
+        return HangingShapes(self.up, self.s, self.frames, self.positions, self.stability,
+                             self.edges, self.spacing)
 
 
 def reachable_shapes(simulator: DirectSimulator, stability: float,
@@ -54,12 +68,14 @@ def reachable_shapes(simulator: DirectSimulator, stability: float,
     up = common_axis(coarse.mesh.static.pull)  # the potential's slopes: against the loads
     if up is None:
         return None
-    shapes = (_arc if is_axisymmetric(around.rod) else _flood)(coarse, up, stability, check)
+    shapes, edges = (_arc if is_axisymmetric(around.rod) else _flood)(coarse, up, stability, check)
     if not shapes:
         return None
-    return Reachable(up, np.array(shapes[0].s), shapes,
-                     *(np.array([getattr(shape, name) for shape in shapes])
-                       for name in ('element_strains', 'frames', 'positions', 'stability')))
+    strains, frames, positions, stabilities = (
+        np.array([getattr(shape, name) for shape in shapes])
+        for name in ('element_strains', 'frames', 'positions', 'stability'))
+    return Reachable(up, np.array(shapes[0].s), shapes, strains, frames, positions, stabilities,
+                     edges, 0.0 if is_axisymmetric(around.rod) else 2 / np.sqrt(_POINTS))
 
 
 def hanging_straight(simulator: DirectSimulator) -> Shape | None:
@@ -82,28 +98,33 @@ def _is_good(shape: Shape, stability: float) -> bool:
 
 
 def _arc(simulator: DirectSimulator, up: Floats, stability: float,
-         check: Callable[[], None]) -> list[Shape]:
+         check: Callable[[], None]) -> tuple[list[Shape], Ints]:
     """Return the shapes of a round straight DLO as its gripper rises from straight down."""
     hanging = _downwards(up)
     axis, angle, shape = hanging[:, 1], 0.0, simulator.solve(_held(hanging))
-    shapes = []
+    shapes: list[Shape] = []
     while _is_good(shape, stability):
         shapes.append(shape)
         for halving in range(_HALVINGS):
             check()
             further = angle + _ARC / 2**halving
             if further > 2 * np.pi:
-                return shapes
+                return shapes, _chain(len(shapes))
             shape = simulator.track([_held(turned_by(-further * axis) @ hanging)],
                                     initial=shapes[-1])[0]
             if _is_good(shape, stability):
                 angle = further
                 break
-    return shapes
+    return shapes, _chain(len(shapes))
+
+
+def _chain(n: int) -> Ints:
+    """Return the neighbors (n - 1, 2) in a row of n."""
+    return np.column_stack([np.arange(n - 1), np.arange(1, n)])
 
 
 def _flood(simulator: DirectSimulator, up: Floats, stability: float,
-           check: Callable[[], None]) -> list[Shape]:
+           check: Callable[[], None]) -> tuple[list[Shape], Ints]:
     """Return the shapes on a grid of the sphere that are followed from neighbors without a fall."""
     directions, edges = sphere(_POINTS)
     grippers = frames_with(directions, up)
@@ -114,7 +135,7 @@ def _flood(simulator: DirectSimulator, up: Floats, stability: float,
     first = int(np.argmin(directions[:, 0]))
     found = {first: simulator.solve(_held(grippers[first]))}
     if not _is_good(found[first], stability):
-        return []
+        return [], edges[:0]
     waiting = deque([first])
     while waiting:
         one = waiting.popleft()
@@ -130,7 +151,9 @@ def _flood(simulator: DirectSimulator, up: Floats, stability: float,
             if _is_good(shape, stability):
                 found[other] = shape
                 waiting.append(other)
-    return [found[k] for k in sorted(found)]
+    order = sorted(found)
+    there = np.isin(edges, order).all(axis=1)
+    return [found[k] for k in order], np.searchsorted(order, edges[there])
 
 
 def _twist(turn: Floats) -> Floats:

@@ -3,6 +3,7 @@
 """Threading with the most room: soft DLOs pass obliquely, stiff ones along the normal as ever."""
 
 import pickle
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -244,3 +245,49 @@ def test_without_weight_there_is_no_flood():
     (hole(0, 0.0045), Surface(0.004, (0.003, 0.004)), 0.0015)])
 def test_room_of_an_upright_dlo(cutout, surface, room):
     assert upright_room(cutout, surface) == pytest.approx(room)
+
+
+def test_the_certificate_of_a_soft_cable_names_the_shapes_that_stand():
+    stiffness = 0.05 * 9.80665 / 200  # w L^3 / EI = 200
+    rod = Rod(1.0, 0.05, stiffness, 0.75 * stiffness, radius=2e-3)
+    cutout = CutOut(Pose.looking_along((0, 0, 1), (np.sin(0.03), 0, -np.cos(0.03))), radius=0.02)
+    with pytest.raises(Infeasible) as caught:
+        plan(rod, cutout, max_misalignment=0)
+    words = caught.value.certificate
+    assert 'none' not in words.split('no stable one is along the normal at depth 0 m')[0]
+    least, most = (float(words.split('between ')[1].split(' m')[0].split(' and ')[k])
+                   for k in (0, 1))
+    assert 0.5 < least < 0.7 and most == pytest.approx(0.95)
+    deep = plan(rod, cutout, depths=[0.85, 0.9], max_misalignment=0)
+    assert deep.stability.min() > 0.9
+    assert plan(rod, cutout).misalignment.max() > 0.02  # obliquely from the tip on
+
+
+def test_a_refusal_says_what_would_help():
+    stiffness = 0.05 * 9.80665 / 100
+    rod = Rod(1.0, 0.05, stiffness, 0.75 * stiffness, radius=2e-3)
+    cutout = hole(30, 0.02)
+    with pytest.raises(Infeasible, match='obliquely') as caught:
+        plan(rod, cutout)
+    words = caught.value.advice
+    assert pickle.loads(pickle.dumps(caught.value)).advice == words
+    free = float(words.split('held at most ')[1].split(' m from its end')[0])
+    angle = float(words.split('turned downwards by ')[1].split(' degrees')[0])
+    assert 14 < 100 * free**3 < 24  # w f^3 / EI of a hole at 30 degrees
+    assert plan(replace(rod, length=0.95 * free), cutout).status.value == 'complete'
+    with pytest.raises(Infeasible):
+        plan(replace(rod, length=1.08 * free), cutout)
+    assert plan(rod, hole(30 - 1.05 * angle, 0.02)).status.value == 'complete'
+    with pytest.raises(Infeasible):
+        plan(rod, hole(30 - 0.92 * angle, 0.02))
+    assert Infeasible('', 0, 'room', 0.0).advice == ''
+
+
+def test_advice_of_a_hole_that_is_too_small():
+    cutout = replace(hole(65), radius=None, width=0.012, height=0.008)
+    with pytest.raises(Infeasible) as caught:
+        plan(WIRE, cutout)
+    found = re.search(r'through a hole of ([\d.]+) m by ([\d.]+) m', caught.value.advice)
+    width, height = (1.03 * float(size) for size in found.groups())
+    assert width / height == pytest.approx(1.5, rel=0.01)
+    assert plan(WIRE, replace(cutout, width=width, height=height)).fraction == 1

@@ -41,6 +41,7 @@ from dlo_planner.inverse.equilibria import (
     start_candidates,
 )
 from dlo_planner.inverse.most_room import best_rating, thread_with_most_room
+from dlo_planner.inverse.reachable import reachable_shapes
 from dlo_planner.inverse.route import (
     NO_WAY,
     Threading,
@@ -227,9 +228,15 @@ def certificate(simulator: DirectSimulator, cutout: CutOut, depths: Floats) -> s
     if shapes is None:
         return ''
     looked_at, layers = _layers(quick, shapes, cutout.normal, depths)
+    reached_by_turning = reachable_shapes(quick, 0.0, _unchecked)
+    count = len(shapes.stability)
+    if reached_by_turning is not None:  # of a soft DLO the grid of ends has hardly a stable shape
+        _, others = _layers(quick, reached_by_turning.hanging, cutout.normal, depths)
+        layers = [one.with_others(other) for one, other in zip(layers, others, strict=True)]
+        count += len(reached_by_turning.shapes)
     stable = np.array([len(layer) > 0 for layer in layers])
     reached = len(sweep(layers, np.zeros(len(layers[0])), quick.rod.length)[0])
-    begin = (f'of {len(shapes.stability)} shapes in which the DLO hangs, {looked_at.size} depths '
+    begin = (f'of {count} shapes in which the DLO hangs, {looked_at.size} depths '
              'looked at: ')
     if not stable.any():
         return f'{begin}no stable one is along the normal at any depth'
@@ -242,6 +249,10 @@ def certificate(simulator: DirectSimulator, cutout: CutOut, depths: Floats) -> s
         return (f'{begin}stable ones are along the normal from depth {looked_at[0]:.4g} m on, but '
                 f'none leads from {looked_at[reached - 1]:.4g} to {looked_at[reached]:.4g} m{none}')
     return f'{begin}stable ones are along the normal at each, in reach of each other'
+
+
+def _unchecked() -> None:
+    """Let a computation go on."""
 
 
 def trim_to_clearance(plan: Plan, cutout: CutOut, clearance: float, may_end: bool) -> Plan:
