@@ -86,7 +86,8 @@ def _loop_task(made: PlanResult) -> LoopTask:
              if not passing[k]]
     standoff = given if given > 0 else float(max(stops, default=0.0)) or far
     task = Thread(first, depths) if isinstance(task, Thread) else replace(task, depths=depths)
-    return LoopTask(scene.inverse, task, standoff, scene.limits)  # refuses what has no room
+    # refuses what has no room
+    return LoopTask(scene.inverse, task, standoff, scene.limits).of_plan(plan)
 
 
 def closed_loop_of(state: State, observing: DloEstimator | None,
