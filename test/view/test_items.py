@@ -70,7 +70,7 @@ def test_the_dlo_is_as_thick_as_it_is(plan):
 
 def test_the_margin_is_the_least_of_the_plan(plan):
     drawn = margin_primitives(plan, [HOLE])
-    margin = plan.clearances[:, 0, 0].min()
+    margin = plan.clearances[:, 0].min()
     assert 0.01 < margin < 0.02  # of 0.02 m at most
     assert named(drawn, 'rim margin')[0].text == f'rim margin {1e3 * margin:.2g} mm'
     ring = named(drawn, 'margin')[0]
