@@ -434,12 +434,12 @@ def padded_clearances(clearances: Sequence[Sequence[Sequence[float] | Floats] | 
 def rooms_in_holes(plan: Plan) -> Floats:
     """Return (n, k) least distances in m of all three parts of the DLO from the k sheets.
 
-    Infinite at a waypoint that passes nothing, and where a cut-out has no size. At the rim alone an
+    Infinite where the DLO is not in the sheet, or a cut-out has no size. At the rim alone an
     oblique DLO would seem to have more room: what is before a thin sheet and behind it knows how
     oblique it is.
     """
-    passing = np.array([bool(passes) for passes in plan.via_points], dtype=bool)
-    rooms: Floats = np.where(passing[:, None], plan.clearances.min(axis=2), np.inf)
+    rooms: Floats = np.where(np.isfinite(plan.clearances[:, :, 0]), plan.clearances.min(axis=2),
+                             np.inf)
     return rooms
 
 
