@@ -34,6 +34,7 @@ from dlo_planner.view.scene import (
     obstacle_primitives,
     path_primitives,
 )
+from dlo_planner.view.summary import plan_columns
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 WIRE = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01)
@@ -85,6 +86,16 @@ def test_a_negative_margin_is_an_alert(plan):
     drawn = margin_primitives(replace(plan, clearances=worse), [HOLE])
     np.testing.assert_array_equal(named(drawn, 'margin')[0].colors[0], ALERT)
     assert '-1 mm' in named(drawn, 'rim margin')[0].text
+
+
+@pytest.mark.parametrize('part', [1, 2])
+def test_the_margin_counts_what_is_before_the_sheet_and_behind(plan, part):
+    worse = plan.clearances.copy()
+    worse[3, 0, part] = 4e-3
+    drawn = margin_primitives(replace(plan, clearances=worse), [HOLE])
+    assert named(drawn, 'rim margin')[0].text == 'rim margin 4 mm'
+    columns = {name: worst for name, _, worst, _ in plan_columns(replace(plan, clearances=worse))}
+    assert columns['room in the cut-outs'] == 4e-3
 
 
 @pytest.mark.parametrize(('asked', 'drawn'), [(0, 0), (1, 1), (4, 4), (9, 9), (50, 9)])
