@@ -37,7 +37,14 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.plan.builder import PlanBuilder, build_plan
 from dlo_planner.plan.continuity import apart, same
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import Plan, PlanStatus, concatenate, moved, truncate
+from dlo_planner.plan.plan import (
+    Plan,
+    PlanStatus,
+    concatenate,
+    moved,
+    rooms_in_holes,
+    truncate,
+)
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 from dlo_planner.trajectory.modal_response import Turns, vibrated
@@ -85,11 +92,15 @@ class LoopTask:
         Limits of the gripper.
     most_off : float or None
         By how much places without a size, contacts, may be missed, m.
+    planned_room : float
+        Room that the plan which is executed leaves the DLO, m, see `of_plan`: less than that of the
+        cut-outs where it passes obliquely, or bends back to a sheet. Infinite: none is known yet.
 
     Raises
     ------
     InvalidTask
-        The task passes no place, or by how much it may be missed is not stated.
+        The task passes no place, by how much it may be missed is not stated, or a plan leaves no
+        room.
     """
 
     inverse: InverseSimulator
@@ -97,6 +108,7 @@ class LoopTask:
     standoff: float
     limits: Limits = Limits()
     most_off: float | None = None
+    planned_room: float = np.inf
 
     def __post_init__(self) -> None:
         if not (self.touches or cutouts_of(self.task)):
@@ -105,6 +117,9 @@ class LoopTask:
         if self.touches and self.most_off is None:
             raise InvalidTask(f'task = {self.task!r}: expected most_off, by how much the DLO may '
                               'miss the place that it touches')
+        if not self.planned_room > 0:
+            raise InvalidTask(f'planned_room = {self.planned_room}: expected more than 0 m, what '
+                              'the plan leaves between the DLO and the sheets')
         self.room  # noqa: B018  it refuses
 
     @property
@@ -119,10 +134,10 @@ class LoopTask:
 
     @property
     def room(self) -> float:
-        """By how much the DLO may miss a place without touching a rim, m."""
+        """By how much the DLO may miss a place without touching a sheet, m."""
         if self.touches and self.most_off is not None:
             return self.most_off
-        thick, rooms = self.inverse.simulator.rod.radius, []
+        thick, rooms = self.inverse.simulator.rod.radius, [self.planned_room]
         for cutout in cutouts_of(self.task):
             radius = cutout.radius
             if radius is None or not isinstance(thick, float) or radius <= thick:
@@ -130,6 +145,19 @@ class LoopTask:
                                   f'DLO, which has to be one number, not {thick!r}')
             rooms.append(radius - thick)
         return min(rooms)
+
+    def of_plan(self, plan: Plan) -> LoopTask:
+        """Return the task with the room that a Plan of it leaves, at its waypoints in the holes.
+
+        The least distance of all parts of the DLO from the sheets there. As its misses it counts
+        from the centers: what is planned beside one has been taken off already.
+        """
+        room = np.inf
+        for rooms, errors in zip(rooms_in_holes(plan), plan.position_errors, strict=True):
+            beside = np.zeros(rooms.size)  # in the order of the cut-outs, as far as they are passed
+            beside[:len(errors)] = errors[:rooms.size]
+            room = min(room, float((rooms + beside).min(initial=np.inf)))
+        return replace(self, planned_room=room)
 
     @property
     def room_at_rest(self) -> float:
@@ -218,12 +246,14 @@ class GripperMotion(NamedTuple):
     """A motion to rest, the last Shape on it that hangs freely, and how the DLO swings on the way.
 
     The poses are true ones, of the gripper by the Estimate with which it was planned.
+    `planned_room`: see `LoopTask`, of the plan that goes on from where it ends.
     """
 
     estimate: Estimate
     trajectory: Trajectory
     there: Shape
     swing: Swing
+    planned_room: float = np.inf
 
     @property
     def steered(self) -> Steered:
@@ -274,17 +304,21 @@ class Entry:
 
 def way_to_standoff(task: LoopTask, estimate: Estimate, here: Pose) -> GripperMotion:
     """Return the motion from a measured pose to the standoff."""
-    way, _ = task.ways(estimate, here, task.standoff)
-    return _motion(task, estimate, truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE))
+    way, through = task.ways(estimate, here, task.standoff)
+    return _motion(task.of_plan(through), estimate,
+                   truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE))
 
 
-def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float, lag: float,
+def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float | None, lag: float,
            left: float = 0.0) -> Entry:
     """Return the way from a measured pose at the standoff to the depth.
 
-    The DLO still swings by `left`, m, which counts as well: motion may use what that leaves.
+    It is not entered with a bound above `most`, m; None: above the room at rest of the plan. The
+    DLO still swings by `left`, m, which counts as well: motion may use what that leaves.
     """
     way, through = task.ways(estimate, here, 0.0)
+    task = task.of_plan(through)
+    most = task.room_at_rest if most is None else most
     whole, commanded = concatenate(replace(way, stops=()), through), commanded_of(through, estimate)
     there = [shape for shape in whole.shapes if shape.far_end is None and not shape.contacts][-1]
 
@@ -382,7 +416,7 @@ def _trajectory(task: LoopTask, plan: Plan, tolerance: float, limits: Limits) ->
 def _motion(task: LoopTask, estimate: Estimate, plan: Plan) -> GripperMotion:
     trajectory = _trajectory(task, plan, task.tolerance, task.motion_limits)
     return GripperMotion(estimate, trajectory, plan.shapes[-1],
-                         swing_of(trajectory, estimate, plan))
+                         swing_of(trajectory, estimate, plan), task.planned_room)
 
 
 def swing_of(trajectory: Trajectory, estimate: Estimate, plan: Plan) -> Swing:

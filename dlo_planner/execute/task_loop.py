@@ -347,12 +347,15 @@ class TaskLoop:
         task, estimate = self._task, self.observing.estimate
         self._done = None
         if not isinstance(done, Entry | GripperMotion):
-            self._work = (partial(way_in, task, estimate, self._here, task.room_at_rest, self._lag,
-                                  self._left)
+            self._work = (partial(way_in, task, estimate, self._here, None, self._lag, self._left)
                           if self._loop.at_standoff else
                           partial(way_to_standoff, task, estimate, self._here))
             return
         bound = None
+        # it is judged by the room of the plan that is executed
+        self._task = (task.of_plan(done.whole) if isinstance(done, Entry) else
+                      replace(task, planned_room=done.planned_room))
+        self._loop = replace(self._loop, room=self._task.room)
         if isinstance(done, Entry):
             self._entry, self._correction = done, None
             moves = done.moves if done.motion is not None else self._kept(done.bound)

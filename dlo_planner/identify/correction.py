@@ -43,7 +43,7 @@ from dlo_planner.plan.goal_rows import (
     GoalTable,
 )
 from dlo_planner.plan.goals import DirectionAt, GripperNear, PositionAt, Residuals
-from dlo_planner.plan.plan import Plan, moved_sheet
+from dlo_planner.plan.plan import OBLIQUE, Plan, moved_sheet
 from dlo_planner.plan.waypoint import Waypoint, length_of
 from dlo_planner.uncertainty.state import stretched
 
@@ -51,7 +51,7 @@ _LOOKED_AT = 3   # waypoints at which the miss that remains is predicted
 _STILL = 1e-3    # weight of the planned gripper, which decides only what is left free
 _IN_CONTACT = 12  # steps of Gauss and Newton
 _THERE = 1e-5    # rad, and of the length: the last of them, which leaves about its square
-_TURN = 0.5      # rad, and of the length: how far the gripper may go to more than two places
+_TURN = 0.5      # rad, and of the length: how far the gripper may go to what it need not reach
 _SAME = 1e-12    # of the length: a rod that is as long is the whole one
 _OTHER = 0.1     # of the length: a DLO whose length differs by more is another one
 
@@ -119,8 +119,10 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0, before: Correction |
     At each waypoint that passes a place, the DLO passes where the planned one does: a cut-out along
     the same direction, two and more at once, the mouth of a bore with the same frame, the place of
     a contact along its direction, as if nothing rubbed there. What that leaves free stays as
-    planned. A waypoint before these is displaced like the first of them. The poses are
-    quasi-static; `Steered` blends them into a motion.
+    planned. Where the plan passes a cut-out obliquely, the place counts, and the direction as much
+    as that the gripper turns little: what is softer than planned might not reach that direction, or
+    only where it hardly stays. A waypoint before these is displaced like the first of them. The
+    poses are quasi-static; `Steered` blends them into a motion.
 
     Parameters
     ----------
@@ -231,14 +233,20 @@ class _Aim:
             many = np.sum(goals.kind == THROUGH) > 1  # first two, then all
             further = (goals.kind == THROUGH) & (np.cumsum(goals.kind == THROUGH) > 1)
             two = goals._replace(weight=goals.weight * ~further)
-            found = follow(mesh, guess, two, goals.s[None], free, origin=guess.gripper.position)
+            reach = _TURN, _TURN / goals.weight[0]
+            found = follow(mesh, guess, two, goals.s[None], free, origin=guess.gripper.position,
+                           reach=reach if self._oblique(index) else None)
             if many and found:
                 soft = goals._replace(weight=np.where(goals.kind == ROLL, _STILL, goals.weight))
                 found = follow(mesh, found[0].shape, soft, goals.s[None], free,
-                               origin=found[0].shape.gripper.position,
-                               reach=(_TURN, _TURN / goals.weight[0]))
+                               origin=found[0].shape.gripper.position, reach=reach)
             shape = found[0].shape if found else None
         return None if shape is None or shape.stability < -NEUTRAL else shape
+
+    def _oblique(self, index: int) -> bool:
+        """Return whether a waypoint passes one cut-out obliquely, in a direction of its own."""
+        return (len(self._plan.via_points[index]) == 1 and self._plan.shapes[index].far_end is None
+                and bool(self._plan.misalignment[index] > OBLIQUE))
 
     def _goals(self, index: int) -> tuple[GoalTable, Floats]:
         """Return the goals of a waypoint, and the direction about which it may roll."""
@@ -259,9 +267,16 @@ class _Aim:
                 rows.append((DIRECTION, free, rotation, 1.0))
             else:
                 free = (places[1] - places[0]) / np.linalg.norm(places[1] - places[0])
-            rows.append((ROLL, free_axis(rotation, free), rotation, 1.0))
+            # a turn of the gripper by 1 rad counts as much as 1 rad of the direction: so that is
+            # followed as far as the gripper turns the DLO more than itself, not into a fold
+            rows.append((ROTATION, free, np.array(planned.gripper.rotation), 1.0)
+                        if self._oblique(index) else
+                        (ROLL, free_axis(rotation, free), rotation, 1.0))
         kinds, targets, axes, weights = map(np.array, zip(*rows, strict=True))
-        return GoalTable(kinds, np.full(len(rows), s), targets, axes, weights), free
+        arc_lengths = np.full(len(rows), s)
+        if self._oblique(index):
+            arc_lengths[-1] = 0.0  # the gripper
+        return GoalTable(kinds, arc_lengths, targets, axes, weights), free
 
     def _in_contact(self, index: int, guess: Shape) -> Shape | None:
         """Return the Shape that touches where the planned one does, by Gauss and Newton."""

@@ -31,7 +31,7 @@ from dlo_planner.plan.margin import least_margin, rating
 from dlo_planner.plan.path import GripperPath, held_after
 from dlo_planner.uncertainty.parameters import Uncertainty
 
-# An entry of `Plan.via_points`: center (3,), m; arc length, m; normal (3,) or None.
+# An entry of `Plan.via_points`: center (3,), m; arc length, m; planned direction (3,) or None.
 Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
 
 # fields of a Plan with an entry for each waypoint
@@ -45,6 +45,7 @@ _MAY_BE_LEFT_OUT = 'insertion_force', 'yield_utilization'  # nan where they are
 _SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
 _STRAIGHT = np.cos(np.deg2rad(5))
 _NEAR = 0.1       # of the length: how far before the planned arc length the DLO may pass a center
+OBLIQUE = 1e-6    # rad: a smaller `misalignment` is rounding, waypoints are exact to 1e-10 rad
 _ARRAYS = {'depths': 'depths', 'misalignment': 'misalignment', 'miss': 'position_error',
            'times': 'times', 'clearances': 'clearances', 'stops': 'stops',
            'insertion_force': 'insertion_force', 'clearance': 'clearance',
@@ -87,14 +88,15 @@ class Plan(Filmed):
     shapes : tuple of Shape
         The n shapes, the DLO at each waypoint.
     misalignment : ndarray, shape (n,)
-        Angle between DLO and normal at the cut-out, rad; of a contact against the requested
-        direction.
+        Angle between DLO and normal at the cut-out, rad, also of a DLO that is planned to pass
+        obliquely; of a contact against the requested direction.
     position_error : ndarray, shape (n,)
         Distance of the DLO from the cut-out's center, or that place, m.
     times : ndarray, shape (n,)
         Seconds from the first waypoint, see `timing`.
     via_points : tuple of Passes
-        n tuples of (center (3,), s, normal (3,) or None): which arc length should be where.
+        n tuples of (center (3,), s, direction (3,) or None): which arc length should be where, and
+        along what: the normal, or the direction in which the DLO is planned to pass obliquely.
     clearances : ndarray, shape (n, k, 3)
         Distances in m between the DLO's surface and the sheets around the k cut-outs of the task:
         at the rim (the cut-out may be displaced by it), of the part before the sheet, of the part
@@ -201,6 +203,8 @@ class Plan(Filmed):
                         f'stability {self.stability.min():.2g}',
                         f'clearance {self.clearance.min():.2g} m'
                         if np.isfinite(self.clearance).any() else '',
+                        f'misaligned by {self.misalignment.max():.2g} rad'
+                        if self.misalignment.max() > OBLIQUE else '',
                         'it would yield' if self.yields else ''] if n else []))
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -225,11 +229,11 @@ class Plan(Filmed):
     def goals(self) -> tuple[tuple[Residuals, ...], ...]:
         """N tuples of what the DLO is to be like at each waypoint; their residuals are its misses.
 
-        `PositionAt` of each of its `via_points`, `DirectionAt` of those with a normal; where there
-        is none, `FrameAt` of the gripper.
+        `PositionAt` of each of its `via_points`, `DirectionAt` of those with a direction; where
+        there is none, `FrameAt` of the gripper.
         """
-        return tuple(tuple(goal for center, s, normal in points for goal in (
-            PositionAt(s, center), *(() if normal is None else (DirectionAt(s, normal),))))
+        return tuple(tuple(goal for center, s, along in points for goal in (
+            PositionAt(s, center), *(() if along is None else (DirectionAt(s, along),))))
             or (FrameAt(0.0, gripper),)
             for points, gripper in zip(self.via_points, self.grippers, strict=True))
 
@@ -426,6 +430,18 @@ def padded_clearances(clearances: Sequence[Sequence[Sequence[float] | Floats] | 
         if len(rooms):
             out[k, :len(rooms)] = rooms
     return out
+
+
+def rooms_in_holes(plan: Plan) -> Floats:
+    """Return (n, k) least distances in m of all three parts of the DLO from the k sheets.
+
+    Infinite where the DLO is not in the sheet, or a cut-out has no size. At the rim alone an
+    oblique DLO would seem to have more room: what is before a thin sheet and behind it knows how
+    oblique it is.
+    """
+    rooms: Floats = np.where(np.isfinite(plan.clearances[:, :, 0]), plan.clearances.min(axis=2),
+                             np.inf)
+    return rooms
 
 
 def greatest_push(plan: Plan) -> tuple[float, str]:

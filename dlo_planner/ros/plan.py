@@ -29,7 +29,7 @@ from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of, threading_of
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.plan import OBLIQUE, Plan
 from dlo_planner.progress import Progress, interrupted_by
 from dlo_planner.ros.inputs import goals_in, judge_distance, pose_in
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
@@ -211,8 +211,13 @@ class PlanningServer(Part):
         self._out.publish(path)
         self.markers.show('plan', scene.frame_id, stamp,
                           lambda: plan_primitives(plan, cutouts_of(task)))
+        oblique = float(plan.misalignment.max())
+        said = f', up to {np.rad2deg(oblique):.2g} degrees oblique' if oblique > OBLIQUE else ''
+        if np.isfinite(plan.clearance).any():
+            said += f', smallest clearance {plan.clearance.min():.2g} m'
         figures = {
             'waypoints': len(plan), 'largest miss [m]': float(plan.position_error.max()),
+            'largest misalignment [rad]': oblique,
             'smallest clearance [m]': float(plan.clearance.min()),
             'smallest bend margin [1/m]': float(plan.bend_margin.min()),
             'yield limit used': float(plan.yield_utilization.max()),
@@ -229,7 +234,7 @@ class PlanningServer(Part):
                           'seconds': seconds, **figures}
         self.status.info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
                          f'largest miss {plan.position_error.max():.1e} m, '
-                         f'smallest stability {plan.stability.min():.2f}')
+                         f'smallest stability {plan.stability.min():.2f}{said}')
         return path
 
     def _interruptible(self, deadline: float, make: Callable[[], T]) -> T:

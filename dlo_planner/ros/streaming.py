@@ -85,8 +85,12 @@ def _loop_task(made: PlanResult) -> LoopTask:
     stops = [first.normal @ (first.center - plan.shapes[k].positions[-1]) for k in plan.stops
              if not passing[k]]
     standoff = given if given > 0 else float(max(stops, default=0.0)) or far
-    task = Thread(first, depths) if isinstance(task, Thread) else replace(task, depths=depths)
-    return LoopTask(scene.inverse, task, standoff, scene.limits)  # refuses what has no room
+    # how obliquely it may pass stays what was asked for
+    task = (replace(task, depths=depths, method='coupled', gripper_clearance=None,
+                    as_deep_as_possible=False)
+            if isinstance(task, Thread) else replace(task, depths=depths))
+    # refuses what has no room
+    return LoopTask(scene.inverse, task, standoff, scene.limits).of_plan(plan)
 
 
 def closed_loop_of(state: State, observing: DloEstimator | None,

@@ -21,7 +21,7 @@ from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Reported
 from dlo_planner.plan.checks import ROOM
 from dlo_planner.plan.path import GripperPath, Leg, held_after
-from dlo_planner.plan.plan import Plan, means_to_touch
+from dlo_planner.plan.plan import Plan, means_to_touch, rooms_in_holes
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.trajectory.calm_search import CalmSearch, quickest
@@ -57,7 +57,8 @@ class Trajectory(TimedPath, Reported):
         the plan does, come nearer to a rim or an obstacle than the plan says (or by a quarter of
         that room, if it is more), or still vibrate when the gripper has stopped; what is outside of
         a bore may deviate by as much from its shape at rest. If None, a quarter of the least room
-        at the rims, 1 mm where no cut-out has a size. Infinite: the fastest motion within limits,
+        in the cut-outs (of all three parts of the DLO, see `Plan.clearances`), 1 mm where none has
+        a size. Infinite: the fastest motion within limits,
         nothing is simulated.
     simulator : DirectSimulator, optional
         DirectSimulator that verifies. If None, one of the plan's shapes' DLO, with its load, and
@@ -226,7 +227,7 @@ def _tolerance(tolerance: float | None, plan: Plan) -> float:
     if tolerance is not None:
         endless = isinstance(tolerance, float) and tolerance == np.inf
         return tolerance if endless else number('tolerance', tolerance, above=0)
-    rooms = plan.clearances[:, :, 0]
+    rooms = rooms_in_holes(plan)
     rooms = rooms[np.isfinite(rooms) & (rooms > 0)]
     return float(ROOM * rooms.min()) if rooms.size else _TOLERANCE
 

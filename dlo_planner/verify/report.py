@@ -53,7 +53,8 @@ class ValidationReport(Reported):
     position_error : float
         Distance of the DLO from a center that it should pass, m.
     misalignment : float
-        Angle between the DLO and a normal along which it should pass, rad.
+        Angle between the DLO and a direction in which it should pass, rad: of an oblique plan the
+        planned one, while `Plan.misalignment` is against the normal.
     residual : float
         Largest residual of the shapes.
     stability : float

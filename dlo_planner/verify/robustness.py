@@ -24,7 +24,7 @@ from dlo_planner.model.checks import figure, instance, integer, items, number, r
 from dlo_planner.model.value import brief, put, same
 from dlo_planner.pictured import Answer
 from dlo_planner.plan.margin import miss_slopes
-from dlo_planner.plan.plan import Passes, Plan, passages
+from dlo_planner.plan.plan import Passes, Plan, passages, rooms_in_holes
 from dlo_planner.progress import OnProgress, Progress, interrupted_by
 from dlo_planner.uncertainty.parameters import CAUSES, VARIATION, Uncertainty
 from dlo_planner.uncertainty.state import UncertainState, stretched
@@ -49,8 +49,10 @@ class Robustness(Answer):
     sampled : ndarray, shape (m, n)
         Misses of the samples, m; infinite where one has no stable shape.
     success : float
-        Part of the samples that miss by less than the room at the rim, at every waypoint; nan
-        without samples or without a size of a cut-out.
+        Part of the samples that miss by less than the room, at every waypoint: the least of the
+        plan's `clearances` there, of all three parts of the DLO. Misses are across the DLO, and by
+        as much an oblique one may be displaced in any direction. nan without samples or without a
+        size of a cut-out.
     """
 
     causes: tuple[str, ...]
@@ -149,7 +151,7 @@ def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty,
             batches.append(batch)
             steps.done(len(batches) - 1, len(work))
     sampled = np.concatenate(batches)
-    room = plan.clearances[:, :, 0].min(axis=1, initial=np.inf)
+    room = rooms_in_holes(plan).min(axis=1, initial=np.inf)
     success = np.nan
     if samples and np.isfinite(room).any():
         success = float((sampled < room).all(axis=1).mean())

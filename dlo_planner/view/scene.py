@@ -15,7 +15,7 @@ from dlo_planner.model.checks import instance, integer, items, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane, Sheet, Solid
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.plan import Plan, rooms_in_holes
 from dlo_planner.view.colors import GRAY, ORANGE, SKY_BLUE, VERMILION, coloring, viridis
 from dlo_planner.view.primitives import (
     Primitive,
@@ -129,19 +129,19 @@ def path_primitives(grippers: Iterable[Pose], length: float = _AXIS) -> list[Pri
 def margin_primitives(plan: Plan, cutouts: Iterable[CutOut]) -> list[Primitive]:
     """Return plates with the holes, their rims colored by the margin, and the margin as a text.
 
-    The margin is the least distance between rim and DLO on the whole plan. Dark: none, bright: as
-    much as a DLO in the middle of the hole would have; beyond the limit (the DLO in the rim) ALERT.
+    The margin is the least distance between sheet and DLO at all waypoints in the hole, of all
+    parts of the DLO: an oblique one has less than at the rim alone. Dark: none, bright: as much as
+    a DLO straight through the middle would have; beyond the limit (the DLO in the sheet) ALERT.
     """
     radius = _radius(instance('plan', plan, Plan).shapes[0]) if len(plan) else 0.0
-    drawn = []
+    drawn, rooms = [], rooms_in_holes(plan)
     for index, cutout in enumerate(items('cutouts', cutouts, CutOut)):
         most = room(cutout)
         if most is None:
             continue
         drawn.append(Primitive('plate', index, 'triangles', GRAY, _GLASS, plate(cutout),
                                pose=cutout.pose))
-        margin = (plan.clearances[:, index, 0].min(initial=np.inf)
-                  if index < plan.clearances.shape[1] else np.inf)
+        margin = rooms[:, index].min(initial=np.inf) if index < rooms.shape[1] else np.inf
         if not np.isfinite(margin):
             continue
         fraction = np.clip(margin / max(most - radius, 1e-12), 0.0, 1.0) if margin >= 0 else 2.0

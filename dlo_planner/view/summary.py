@@ -18,7 +18,7 @@ from dlo_planner.identify.fit import Fit
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.value import Value
-from dlo_planner.plan.plan import Plan, greatest_push
+from dlo_planner.plan.plan import Plan, greatest_push, rooms_in_holes
 from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.verify.robustness import Robustness
@@ -136,11 +136,11 @@ def _plan_rows(plan: Plan) -> list[Row]:
 
 def plan_columns(plan: Plan) -> list[tuple[str, Floats, float, str]]:
     """Return what there is to say of each waypoint: (quantity, values (n,), worst, unit)."""
-    rim = plan.clearances[:, :, 0].min(axis=1, initial=np.inf)
+    room = rooms_in_holes(plan).min(axis=1, initial=np.inf)
     columns: list[tuple[str, Floats, Callable[[Floats], Any], str]] = [
         ('miss', plan.position_error, np.max, 'm'),
         ('misalignment', np.rad2deg(plan.misalignment), np.max, 'deg'),
-        ('room at the rim', rim, np.min, 'm'), ('clearance', plan.clearance, np.min, 'm'),
+        ('room in the cut-outs', room, np.min, 'm'), ('clearance', plan.clearance, np.min, 'm'),
         ('bend margin', plan.bend_margin, np.min, '1/m'),
         ('stability', plan.stability, np.min, ''), ('residual', plan.residual, np.max, '')]
     if np.isfinite(plan.yield_utilization).any():

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closed_loops import HOLE, NOISE, SPREAD, WIRE, Truth, plan_of, threaded
+from oblique_plans import WIRE as SOFT
+from oblique_plans import oblique_plan
 from scipy.optimize import least_squares
 
 from dlo_planner import (
@@ -21,6 +23,7 @@ from dlo_planner import (
     Pose,
     Sheet,
     Sphere,
+    Uncertainty,
     Workspace,
 )
 from dlo_planner.identify import Phase, correct
@@ -61,6 +64,55 @@ def test_a_dlo_that_is_known_is_aimed_well(rng):
         if k >= 3:
             np.testing.assert_allclose(again.grippers[k - 3].matrix,
                                        correction.grippers[k].matrix, atol=1e-7)
+
+
+def soft_estimate(stiffness, curvature=0.0):
+    """Return an Estimate of SOFT whose stiffness is another by a factor, and that is bent."""
+    observer = Observer(DirectSimulator(SOFT), Uncertainty(
+        bending_stiffness=0.2, natural_curvature=0.3, gripper_rotation=5e-3), noise=NOISE)
+    begun = observer.begin()
+    known = {'bending_stiffness': np.log(stiffness), 'natural_curvature[0]': curvature,
+             'natural_curvature[1]': -curvature}
+    return replace(begun, mean=np.array([known.get(name, 0.0) for name in begun.names]))
+
+
+@pytest.mark.parametrize(('stiffness', 'curvature'), [
+    (1.0, 0.0), (0.9, 0.3), (0.8, -0.3), (0.7, 0.0), (1.2, 0.3)])
+def test_an_oblique_plan_keeps_its_center_and_its_direction_as_far_as_that_is_cheap(stiffness,
+                                                                                    curvature):
+    plan = oblique_plan()
+    estimate = soft_estimate(stiffness, curvature)
+    correction = correct(estimate, plan, inverse=InverseSimulator(DirectSimulator(SOFT)))
+    assert correction.converged and correction.violation == ''
+    if stiffness == 1.0:
+        np.testing.assert_allclose(correction.offsets, 0.0, atol=1e-7)
+        return
+    true = DirectSimulator(estimate.rod)
+    for k, gripper in enumerate(correction.grippers):
+        shape, (center, s, along) = true.solve(gripper, correction.shapes[k]), plan.via_points[k][0]
+        axes, place = shape.frame_at(s)
+        assert np.linalg.norm(place - center) < 1e-6
+        # a turn of the gripper is as dear as one of the direction: none of both goes far
+        turned, off = np.linalg.norm(correction.offsets[k, :3]), np.linalg.norm(axes[:, 0] - along)
+        assert np.hypot(turned, off) <= 1.01 * unturned(true, plan, k)
+        assert shape.stability > 0.4 * plan.shapes[k].stability
+    assert np.linalg.norm(correction.offsets[:, :3], axis=1).max() > 0.01
+
+
+def unturned(simulator, plan, k):
+    """Return how far (rad) the DLO is off its direction where the gripper does not turn."""
+    shape, (_, s, along) = simulator.track(plan.grippers[:k + 1])[-1], plan.via_points[k][0]
+    return np.linalg.norm(shape.frame_at(s)[0][:, 0] - along)
+
+
+def test_what_is_commanded_for_a_gripper_that_is_turned_is_not_turned_once_more():
+    plan, estimate = oblique_plan(), soft_estimate(1.0)
+    turned = replace(estimate, mean=np.array([4e-3 if 'rotation' in name else 0.0
+                                              for name in estimate.names]))
+    commanded = replace(plan, grippers=tuple(map(turned.commanded, plan.grippers)))
+    correction = correct(turned, commanded)
+    assert correction.converged
+    np.testing.assert_allclose(correction.offsets, 0.0, atol=1e-7)
 
 
 def test_it_aims_where_the_cutout_was_seen():

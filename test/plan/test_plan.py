@@ -9,6 +9,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from oblique_plans import HOLE as LEVEL
+from oblique_plans import oblique_plan
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
@@ -25,7 +27,7 @@ from dlo_planner import (
 )
 from dlo_planner.model.pose import displaced
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import concatenate, times_at_speed, truncate
+from dlo_planner.plan.plan import concatenate, rooms_in_holes, times_at_speed, truncate
 from dlo_planner.plan.waypoint import waypoint_at
 from dlo_planner.tasks import PlanStatus
 from dlo_planner.trajectory.dynamic_check import goals_between, worst_miss
@@ -347,3 +349,32 @@ def test_a_center_of_one_waypoint_alone_counts_once_the_free_end_is_beyond_it(sh
         later = [(first, 0.5), (center, 0.85)]
         for one, other in (([(first, 0.5)], later), (later, [(first, 0.5)])):
             assert missed(shape, one, other) == pytest.approx(away, abs=1e-9)
+
+
+def test_an_oblique_plan_says_so_and_aims_along_its_own_direction(tmp_path):
+    made = oblique_plan()
+    assert 'misaligned by 1 rad' in repr(made)
+    assert 'misaligned' not in repr(replace(made, misalignment=np.full(len(made), 1e-9)))
+    rims = (made.clearances[:, 0, 0], rooms_in_holes(made)[:, 0])
+    np.testing.assert_allclose(rims[0], 8.5e-3, rtol=1e-6)
+    # a straight axis through the center of a circle of radius R is R cos(angle) from it
+    np.testing.assert_allclose(rims[1], 10e-3 * np.cos(made.misalignment) - 1.5e-3, atol=1e-4)
+    for goals, shape, angle in zip(made.goals, made.shapes, made.misalignment, strict=True):
+        place, along = goals
+        assert max(np.linalg.norm(goal.residuals(shape)) for goal in goals) < 1e-9
+        assert np.arccos(along.direction @ LEVEL.normal) == pytest.approx(angle, abs=1e-9)
+    made.save(tmp_path / 'plan.npz')
+    again = Plan.load(tmp_path / 'plan.npz')
+    np.testing.assert_array_equal(again.misalignment, made.misalignment)
+    np.testing.assert_array_equal(again.via_points[0][0][2], made.via_points[0][0][2])
+
+
+def test_an_approach_that_ends_in_the_hole_knows_how_oblique_its_end_is():
+    made = oblique_plan()
+    inverse = InverseSimulator(DirectSimulator(made.shapes[0].rod))
+    first = made.grippers[0]
+    way = inverse.approach(LEVEL, made, Pose(first.position - (0.15, 0, 0), first.quaternion),
+                           standoff=0.02)
+    rooms = rooms_in_holes(concatenate(way, made))
+    assert np.isinf(rooms[:len(way) - 1]).all()
+    assert rooms[len(way) - 1] == pytest.approx(rooms_in_holes(made)[0], rel=1e-6)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from oblique_plans import oblique_plan
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
@@ -20,7 +21,7 @@ from dlo_planner import (
 )
 from dlo_planner.plan.builder import build_plan
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import PlanStatus, concatenate
+from dlo_planner.plan.plan import PlanStatus, concatenate, truncate
 from dlo_planner.plan.waypoint import Waypoint
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, damping=(0.5, 0.01))
@@ -220,3 +221,13 @@ def test_bounds_hold_everywhere(rng):
                 # the rate of an angular acceleration in world axes has a part that turns it
                 turning = bounds[:, part, 1] * bounds[:, part, 0] if part else 0.0
                 assert (size <= (bounds[:, part, 2] + turning) * (1 + 1e-3) + 1e-6).all()
+
+
+def test_what_an_oblique_dlo_may_do_in_motion_is_a_part_of_its_least_room():
+    made = truncate(oblique_plan(), 3, PlanStatus.COMPLETE)
+    least = made.clearances.min()
+    assert least < 0.5 * made.clearances[:, :, 0].min()
+    calm = Trajectory(made, Limits(0.2, 1.0))
+    assert calm.tolerance == pytest.approx(0.25 * least, rel=1e-12)
+    assert calm.motion.position_error < calm.tolerance
+    assert least - calm.motion.clearance < calm.tolerance

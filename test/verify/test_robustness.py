@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from oblique_plans import HOLE as LEVEL
+from oblique_plans import WIRE, oblique_plan
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
@@ -254,3 +256,40 @@ def test_progress_and_deadline():
     for samples in (0, 30):
         with pytest.raises(DeadlineExceeded, match='deadline'):
             robustness(DIRECT, PLAN, spread, samples=samples, deadline=1e-9)
+
+
+def gets_through(rod, plan):
+    """Return whether a DLO of a Rod touches nothing, by points of shapes that are solved again.
+
+    In a thin sheet about LEVEL: a disk about each point of its axis.
+    """
+    direct, shape = DirectSimulator(rod), None
+    for planned in plan.shapes:
+        shape = direct.track([planned.gripper], initial=planned if shape is None else shape)[0]
+        if not shape.converged:
+            return False
+        s = np.linspace(0.0, rod.length, 801)
+        points = shape.positions_at(s) - LEVEL.center
+        height, beside = points @ LEVEL.normal, np.hypot(points[:, 1], points[:, 2])
+        gap = np.where(beside < LEVEL.radius, np.hypot(LEVEL.radius - beside, height),
+                       np.abs(height))
+        if gap.min() < rod.radius or beside[np.argmin(np.abs(height))] > LEVEL.radius:
+            return False
+    return True
+
+
+def test_an_oblique_dlo_that_is_said_to_get_through_touches_nothing():
+    plan, off, count = oblique_plan(), 0.08, 60
+    got = robustness(DirectSimulator(WIRE), plan, Uncertainty(bending_stiffness=off),
+                     samples=count, seed=5)
+    rim, least = plan.clearances[:, :, 0].min(axis=1), plan.clearances.min(axis=(1, 2))
+    assert least.min() < 0.5 * rim.min()
+    said = (got.sampled < least).all(axis=1)
+    assert got.success == said.mean()
+    drawn = np.exp(np.random.default_rng(5).normal(size=count) * off)
+    true = np.array([gets_through(replace(WIRE, bending_stiffness=factor * 1.22e-4), plan)
+                     for factor in drawn])
+    assert not (said & ~true).any()          # what is said is so,
+    assert 0.8 * true.mean() < said.mean() < 0.7
+    by_the_rim = (got.sampled < rim).all(axis=1)
+    assert by_the_rim.sum() >= true.sum() + 6  # and the rim alone would say too much

@@ -34,6 +34,7 @@ from dlo_planner.view.scene import (
     obstacle_primitives,
     path_primitives,
 )
+from dlo_planner.view.summary import plan_columns
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 WIRE = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01)
@@ -70,7 +71,7 @@ def test_the_dlo_is_as_thick_as_it_is(plan):
 
 def test_the_margin_is_the_least_of_the_plan(plan):
     drawn = margin_primitives(plan, [HOLE])
-    margin = plan.clearances[:, 0, 0].min()
+    margin = plan.clearances[:, 0].min()
     assert 0.01 < margin < 0.02  # of 0.02 m at most
     assert named(drawn, 'rim margin')[0].text == f'rim margin {1e3 * margin:.2g} mm'
     ring = named(drawn, 'margin')[0]
@@ -85,6 +86,16 @@ def test_a_negative_margin_is_an_alert(plan):
     drawn = margin_primitives(replace(plan, clearances=worse), [HOLE])
     np.testing.assert_array_equal(named(drawn, 'margin')[0].colors[0], ALERT)
     assert '-1 mm' in named(drawn, 'rim margin')[0].text
+
+
+@pytest.mark.parametrize('part', [1, 2])
+def test_the_margin_counts_what_is_before_the_sheet_and_behind(plan, part):
+    worse = plan.clearances.copy()
+    worse[3, 0, part] = 4e-3
+    drawn = margin_primitives(replace(plan, clearances=worse), [HOLE])
+    assert named(drawn, 'rim margin')[0].text == 'rim margin 4 mm'
+    columns = {name: worst for name, _, worst, _ in plan_columns(replace(plan, clearances=worse))}
+    assert columns['room in the cut-outs'] == 4e-3
 
 
 @pytest.mark.parametrize(('asked', 'drawn'), [(0, 0), (1, 1), (4, 4), (9, 9), (50, 9)])
