@@ -53,7 +53,7 @@ from dlo_planner.minimize.solve import (
     solve_step,
 )
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.pose import Pose, angle_between, pose_of
 from dlo_planner.model.supports import FarEnd, distance, spans
 from dlo_planner.model.value import Constant, changed, freeze, put, read_only
 from dlo_planner.model.varying import scaled
@@ -62,8 +62,8 @@ from dlo_planner.progress import INTERRUPT, uninterrupted
 
 def between(one: Pose, other: Pose, fraction: float) -> Pose:
     """Return the Pose at `fraction` of the way: position linear, rotation about one fixed axis."""
-    return Pose.from_rotation(one.position + fraction * (other.position - one.position),
-                              partway(one.rotation, other.rotation, float(fraction)))
+    return pose_of(one.position + fraction * (other.position - one.position),
+                   partway(one.rotation, other.rotation, float(fraction)))
 
 
 class Grips(NamedTuple):
@@ -633,9 +633,9 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     around, before = mesh.surroundings, memory or mesh.start
     hangs = mesh.hangs and far_end is None  # then the next step does not count from here
     for one in end[:4]:
-        one.flags.writeable = False
+        one.setflags(write=False)
     if not hangs:
-        freeze(end[4:8])
+        freeze(end[4:7] if culled else end[4:8])
     violation = max(end.violation, end.inside)
     bound = around.pinned or far_end is not None or mesh.obstructed and not culled
     reach = np.inf if far_end is None else reach_of(mesh, distance(far_end, gripper))
