@@ -71,13 +71,15 @@ class ContactPoints(NamedTuple):
             return self
         inside = self.obstacle >= 0  # anywhere in the element: its middle, if it is not known
         rolls = inside & (self.fraction < 0.0)
-        at = old[self.element] + (np.where(inside & ~rolls, 0.5, np.abs(self.fraction))
-                                  * np.diff(old)[self.element])
+        before = old[self.element]
+        at = before + (np.where(inside & ~rolls, 0.5, np.abs(self.fraction))
+                       * (old[self.element + 1] - before))
         tiny = _SAME_NODE * s[-1]
-        element = np.clip(np.searchsorted(s, at - tiny) - 1, 0, s.size - 2)
-        fraction = (at - s[element]) / np.diff(s)[element]
-        fraction = np.where(np.abs(at - s[element + 1]) < tiny, 1.0, np.clip(fraction, 0.0, 1.0))
-        begin = -np.clip(fraction, _SAME_NODE, 1.0 - _SAME_NODE)
+        element = np.minimum(np.maximum(np.searchsorted(s, at - tiny) - 1, 0), s.size - 2)
+        begin, end = s[element], s[element + 1]
+        fraction = np.where(np.abs(at - end) < tiny, 1.0,
+                            np.minimum(np.maximum((at - begin) / (end - begin), 0.0), 1.0))
+        begin = -np.minimum(np.maximum(fraction, _SAME_NODE), 1.0 - _SAME_NODE)
         return self._replace(element=element,  # inside they are fixed, or <= 0: they roll
                              fraction=np.where(rolls, begin, np.where(inside, self.fraction,
                                                                       fraction)))
@@ -157,7 +159,7 @@ class Memory(Value):
     def under(self, later: Memory) -> Memory:
         """Return the same past under the forces after the step; what slid in it slides."""
         points = later.points
-        return changed(self.with_forces(later),
+        return changed(self, hold=later.hold, node_force=later.node_force,
                        points=points._replace(anchor=points.anchor - points.slid))
 
     def resampled(self, s: Floats) -> Memory:
@@ -169,7 +171,9 @@ class Memory(Value):
             curve = scipy.interpolate.CubicHermiteSpline(self.s, positions, tangents)
             positions, tangents = curve(s), curve(s, 1)
         if len(force):
-            force = force @ (np.abs(self.s[:, None] - s) < _SAME_NODE * s[-1])
+            tiny = _SAME_NODE * s[-1]
+            at = np.minimum(np.searchsorted(self.s, s - tiny), self.s.size - 1)
+            force = force[:, at] * (np.abs(self.s[at] - s) < tiny)
         else:
             force = np.zeros((0, s.size))
         of_set = self.original_set or (self.s, self.plastic)

@@ -268,7 +268,7 @@ def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:
     if not shape.contacts or shape.far_end is not None or mesh.yields or not mesh.may_hang:
         return np.inf
     gripper, finer = shape.gripper, mesh.finer
-    left = changed(past.under(past), positions=NOWHERE, tangents=NOWHERE).resampled(finer.s)
+    left = changed(past, positions=NOWHERE, tangents=NOWHERE).under(past).resampled(finer.s)
     system = finer.system(gripper.rotation, gripper.position, left)
     return 4 / 3 * float(correction(system, np.array(shape.element_strains),
                                     shape.positions - gripper.position))
