@@ -12,7 +12,7 @@ still in doubt in the shortest parts is a fall: it is made, and said.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import ceil, log2
+from math import ceil, dist, log2
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -27,7 +27,7 @@ from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import changed, freeze
 
@@ -210,24 +210,9 @@ def _way(previous: Shape, goal: Grips) -> Way:
         pose = goal.far_end.pose
         held = _missed(goal.far_end.held, previous.frames, previous.positions, pose.rotation,
                        pose.position, length)
-    shift, turn = _moved(one.position, other.position, one.rotation, other.rotation)
-    return Way(shift / length, 0.0 if previous.pinned else turn, held)
-
-
-@kernel
-def _moved(begin: Floats, end: Floats, before: Floats, after: Floats) -> tuple[float, float]:
-    """Return how far apart two places (3,) are, m, and two rotations (3, 3), rad."""
-    square = 0.0
-    for i in range(3):
-        square += (end[i] - begin[i]) ** 2
-    x = y = z = trace = 0.0
-    for i in range(3):  # of before^T after
-        x += before[i, 1] * after[i, 2] - before[i, 2] * after[i, 1]
-        y += before[i, 2] * after[i, 0] - before[i, 0] * after[i, 2]
-        z += before[i, 0] * after[i, 1] - before[i, 1] * after[i, 0]
-        trace += before[i, 0] * after[i, 0] + before[i, 1] * after[i, 1] + (
-            before[i, 2] * after[i, 2])
-    return np.sqrt(square), np.arctan2(np.sqrt(x * x + y * y + z * z), trace - 1.0)
+    shift = dist(one.position.tolist(), other.position.tolist())  # quicker than of arrays
+    return Way(shift / length,
+               0.0 if previous.pinned else angle_between(one.rotation, other.rotation), held)
 
 
 @kernel
