@@ -6,7 +6,8 @@ A step is taken as it is where nothing speaks against it: no more motion than th
 no energy lost that neither work nor friction accounts for, no unstable shape on the way (`sound`).
 Where a contact comes, goes, turns over an edge, or begins to slide, two half steps have to lead to
 the same shape as well; where one goes, the step is short. Any other step is made in halves. What is
-still in doubt in the shortest parts is a fall: it is made, and said.
+still in doubt in the shortest parts is a fall: it is made, and said. What hangs freely remembers
+nothing of its way: after a fall all that is left of that is tried at once.
 """
 
 from __future__ import annotations
@@ -112,7 +113,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
     while True:
         if (not whole and middle.jumped and left >= _AFTER and middle.state.culled
                 and goal.far_end is None):
-            return middle  # it hangs freely: all that is left of the way is tried at once
+            return middle  # what is left of the way is for the step that all of it began with
         rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
         if not rest.converged and shape is not None and shape.converged:
             # the whole step has an end, which its parts do not reach
