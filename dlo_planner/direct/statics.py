@@ -25,6 +25,7 @@ from dlo_planner.direct.search import (
     EXACT,
     KEPT,
     MAX_ITERATIONS,
+    THOROUGH,
     TOLERANCE,
     Search,
     described_minimum,
@@ -562,7 +563,7 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
         places, tangents = read_only(memory.positions), read_only(memory.tangents)
     return _uninterrupted(solve_step(
         system, full, gripper.rotation, gripper.position, read_only(strains), places, tangents,
-        frames, rotation, nodes, most, how.tolerance, how.exact * float(mesh.s[-1]), how.steps,
+        frames, rotation, nodes, most, how.tolerance, how.exact * mesh.s.item(-1), how.steps,
         how.check, how.near))
 
 
@@ -587,7 +588,7 @@ def search_of(mesh: Discretization, gripper: Pose, far_end: FarEnd | None) -> Se
     is given up soon.
     """
     if far_end is None:
-        return Search()
+        return THOROUGH
     length, spanned = float(mesh.s[-1]), distance(far_end, gripper)
     steps = MAX_ITERATIONS if spans(spanned, length, mesh.loaded) else _IN_VAIN
     exact = EXACT
@@ -640,7 +641,7 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     bound = around.pinned or far_end is not None or mesh.obstructed and not culled
     reach = np.inf if far_end is None else reach_of(mesh, distance(far_end, gripper))
     good = is_equilibrium(bool(end.stationary), end.stability, bool(bound), violation,
-                          float(KEPT * mesh.s[-1]), end.missed, reach) and before.hinge < 0.0
+                          KEPT * mesh.s.item(-1), end.missed, reach) and before.hinge < 0.0
     after: Memory = before
     contacts: tuple[Any, ...] = ()
     if not hangs:
