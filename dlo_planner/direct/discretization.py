@@ -410,17 +410,17 @@ class Discretization(Value):
         return {name: float(min(stiff * (weight + bend), most * bend) / rod.length)
                 for name, stiff, most in _SPRINGS}
 
-    @property
+    @cached_property
     def spring(self) -> float:
         """Spring in N/m of contacts where one end is held."""
         return self._springs['spring']
 
-    @property
+    @cached_property
     def held_spring(self) -> float:
         """Spring in N/m of contacts where both ends are held."""
         return self._springs['held_spring']
 
-    @property
+    @cached_property
     def hold_spring(self) -> float:
         """Spring in N/m of a grip of the far end."""
         return self._springs['hold_spring']
