@@ -14,12 +14,10 @@ length.
 A permanent set is as exact as the mesh on which it was made, and stays there.
 """
 
-from dataclasses import replace
 from math import ceil, sqrt
 from typing import Any
 
 import numpy as np
-import scipy
 
 from dlo_planner.direct.discretization import (
     Discretization,
@@ -48,7 +46,7 @@ from dlo_planner.minimize.hessian import Hessian, assemble, factorize, new_hessi
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import Surroundings
-from dlo_planner.model.value import freeze, same
+from dlo_planner.model.value import changed, freeze, same
 
 _FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
 _MANY = 512  # elements: a DLO whose error is not known with so many is given up
@@ -67,6 +65,7 @@ _CLEARLY, _RUBBED = 0.7, 0.35  # the same, of one step on a finer mesh; with fri
 _FINER = 1.2       # times as many elements at least
 _FARTHEST = 20     # and at most: so far one shape tells what another mesh will do
 _FREE, _HELD, _TOUCHING = 4.0, 1.5, 2.5  # times `truncation_error`: less
+_POINTS = 6      # nodes of a polynomial through an integral
 _STABLE = 0.1    # a shape that is less stable magnifies errors
 _BEARS = 5e-4    # of the length: below, where it bears on an obstacle may be off by more than bends
 
@@ -94,7 +93,7 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
             shape = step(mesh, gripper, initial, how)
         kicks += shape.state.kicks
         if kicks > shape.state.kicks:  # those on the meshes before count as well
-            shape = replace(shape, state=replace(shape.state, kicks=kicks))
+            shape = changed(shape, state=changed(shape.state, kicks=kicks))
         if not shape.converged:
             finer = None
             if shape.hinge is not None and shape.outlier is None:  # these elements may be too long
@@ -158,7 +157,7 @@ def judged(shape: Shape, accuracy: float) -> Shape:
     """Return a Shape as it is if its error is at most `accuracy` (m), else not `converged`."""
     if not shape.converged or shape.error_estimate <= accuracy:
         return shape
-    return replace(shape, converged=False)
+    return changed(shape, converged=False)
 
 
 def _clearly_within(shape: Shape, accuracy: float) -> bool:
@@ -397,20 +396,47 @@ def _error(system: Problem, state: Configuration, hessian: Hessian, spread: Floa
     return _moved(system, state, hessian.twist_jacobian, left, shifts, off)
 
 
+@kernel
 def resampled_means(s: Floats, values: Floats, nodes: Floats) -> Floats:
     """Return the means (n, 3) over the elements of a finer mesh of a smooth function.
 
-    By a spline through its integral, of degree 5 where there are nodes enough.
+    By polynomials through its integral at six nodes around each new one, in Lagrange's form.
 
-    Shapes: s (N + 1,) m, values (N, 3) means over their elements, nodes (n + 1,) m, on the same
-    length.
+    Args:
+        s: (N + 1,) m; values: (N, 3) means over its elements
+        nodes: (n + 1,) m, on the same length
     """
-    total = np.vstack([np.zeros(3), np.cumsum(np.diff(s)[:, None] * values, axis=0)])
-    degree = min(5, s.size - 1)
-    # one polynomial: knots are given, as old versions of SciPy find none of an even degree
-    knots = np.repeat(s[[0, -1]], degree + 1) if degree == s.size - 1 else None
-    integral = scipy.interpolate.make_interp_spline(s, total, degree, knots)
-    means: Floats = np.diff(integral(nodes), axis=0) / np.diff(nodes)[:, None]
+    means, total, before = np.empty((nodes.size - 1, 3)), np.zeros((s.size, 3)), np.zeros(3)
+    for e in range(values.shape[0]):
+        for i in range(3):
+            total[e + 1, i] = total[e, i] + (s[e + 1] - s[e]) * values[e, i]
+    count = min(_POINTS, s.size)
+    scale, ahead = np.empty(count), np.empty(count + 1)
+    first, right = -1, 1
+    for k in range(1, nodes.size):
+        while right < s.size - 1 and s[right] < nodes[k]:
+            right += 1
+        begin = min(max(right - count // 2, 0), s.size - count)
+        if begin != first:
+            first = begin
+            for j in range(count):  # of each node the product of its distances to the others
+                scale[j] = 1.0
+                for other in range(count):
+                    if other != j:
+                        scale[j] *= s[first + j] - s[first + other]
+        ahead[count] = 1.0
+        for j in range(count - 1, -1, -1):
+            ahead[j] = ahead[j + 1] * (nodes[k] - s[first + j])
+        x = y = z = 0.0
+        passed, width = 1.0, nodes[k] - nodes[k - 1]
+        for j in range(count):
+            weight, row = passed * ahead[j + 1] / scale[j], total[first + j]
+            x, y, z = x + weight * row[0], y + weight * row[1], z + weight * row[2]
+            passed *= nodes[k] - s[first + j]
+        means[k - 1, 0] = (x - before[0]) / width
+        means[k - 1, 1] = (y - before[1]) / width
+        means[k - 1, 2] = (z - before[2]) / width
+        before[0], before[1], before[2] = x, y, z
     return means
 
 

@@ -6,14 +6,14 @@ A step is taken as it is where nothing speaks against it: no more motion than th
 no energy lost that neither work nor friction accounts for, no unstable shape on the way (`sound`).
 Where a contact comes, goes, turns over an edge, or begins to slide, two half steps have to lead to
 the same shape as well; where one goes, the step is short. Any other step is made in halves. What is
-still in doubt in the shortest parts is a fall: it is made, and said.
+still in doubt in the shortest parts is a fall: it is made, and said. What hangs freely remembers
+nothing of its way: after a fall all that is left of that is tried at once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from math import ceil, dist, hypot, log2
+from math import ceil, dist, log2
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -24,13 +24,13 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import Grips, equilibrium, work_of_grips
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
-from dlo_planner.geometry.so3 import turn_between
+from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd
-from dlo_planner.model.value import freeze
+from dlo_planner.model.value import changed, freeze
 
 Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, far end, `StepInputs.most`)
 
@@ -100,6 +100,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
                 if way.size <= _OFF or shape.passed_itself is False:
                     return shape
         failed = not shape.converged and most in (np.inf, _ANY_TURN)
+    whole = halvings is None
     if halvings is None:
         parts = max(way.size / _SHORTEST, 1.0)
         halvings = min(max(ceil(log2(parts)), _LEAST), _MOST)
@@ -109,17 +110,24 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
         if shape is None:
             return _jumped(middle)
         return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
-    rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
-    if not rest.converged and shape is not None and shape.converged:
-        # the whole step has an end, which its parts do not reach
-        return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
-    jumped, passed = rest.jumped or middle.jumped, _either(middle, rest)
-    if (shape is not None and shape.converged and shape.state.culled and goal.far_end is None
-            and shape_change(rest, shape) <= _SAME):
-        rest = shape  # what hangs freely does not remember its way, nor shall its mesh
-    if rest.passed_itself is not passed:
-        rest = replace(rest, passed_itself=passed)
-    return _jumped(rest) if jumped else rest
+    while True:
+        if (not whole and middle.jumped and left >= _AFTER and middle.state.culled
+                and goal.far_end is None):
+            return middle  # what is left of the way is for the step that all of it began with
+        rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
+        if not rest.converged and shape is not None and shape.converged:
+            # the whole step has an end, which its parts do not reach
+            return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
+        short = rest.jumped and rest.state.culled and rest.gripper is not goal.gripper
+        jumped, passed = rest.jumped or middle.jumped, _either(middle, rest)
+        if (not short and shape is not None and shape.converged and shape.state.culled
+                and goal.far_end is None and shape_change(rest, shape) <= _SAME):
+            rest = shape  # what hangs freely does not remember its way, nor shall its mesh
+        if rest.passed_itself is not passed:
+            rest = changed(rest, passed_itself=passed)
+        if not whole or not short or middle.jumped:
+            return _jumped(rest) if jumped else rest
+        middle = rest
 
 
 def _led(previous: Shape, shape: Shape) -> Shape:
@@ -129,7 +137,7 @@ def _led(previous: Shape, shape: Shape) -> Shape:
             and previous.elastic_energy <= known.bending_back):
         return shape  # neither bends by a right angle, as of nearly all that hangs freely
     passed = passed_between(previous, shape, shape.jumped)
-    return shape if passed is shape.passed_itself else replace(shape, passed_itself=passed)
+    return shape if passed is shape.passed_itself else changed(shape, passed_itself=passed)
 
 
 def _either(one: Shape, other: Shape) -> bool | float:
@@ -172,7 +180,7 @@ def _to_its_end(solve: Equilibrium, previous: Shape, goal: Grips, shape: Shape,
 
 def _jumped(shape: Shape) -> Shape:
     """Return a Shape that says so; itself, with its error estimate, if it does already."""
-    return shape if shape.jumped else replace(shape, jumped=True)
+    return shape if shape.jumped else changed(shape, jumped=True)
 
 
 def _partway(previous: Shape, goal: Grips) -> Grips:
@@ -200,12 +208,31 @@ def _way(previous: Shape, goal: Grips) -> Way:
     length, held = float(previous.s[-1]), None
     one, other = previous.gripper, goal.gripper
     if goal.far_end is not None:
-        rows, pose = goal.far_end.held, goal.far_end.pose
-        turn = rows[:, :3] @ turn_between(previous.frames[-1], pose.rotation)
-        shift = rows[:, 3:] @ (pose.position - previous.positions[-1]) / length
-        held = hypot(*turn) + hypot(*shift)
-    return Way(dist(one.position, other.position) / length,
+        pose = goal.far_end.pose
+        held = _missed(goal.far_end.held, previous.frames, previous.positions, pose.rotation,
+                       pose.position, length)
+    shift = dist(one.position.tolist(), other.position.tolist())  # quicker than of arrays
+    return Way(shift / length,
                0.0 if previous.pinned else angle_between(one.rotation, other.rotation), held)
+
+
+@kernel
+def _missed(rows: Floats, frames: Floats, positions: Floats, rotation: Floats, place: Floats,
+            length: float) -> float:
+    """Return how far the last node is from a grip that holds `rows` (K, 6), rad and of the length.
+
+    Shapes: frames (N + 1, 3, 3) and positions (N + 1, 3) of the nodes, those of the grip.
+    """
+    turn = rotation_vector(times_transposed(matrix(rotation), matrix(frames[-1])))
+    turned = shifted = 0.0
+    for row in range(rows.shape[0]):
+        by_turn = by_shift = 0.0
+        for i in range(3):
+            by_turn += rows[row, i] * turn[i]
+            by_shift += rows[row, 3 + i] * (place[i] - positions[-1, i])
+        turned += by_turn * by_turn
+        shifted += by_shift * by_shift
+    return float(np.sqrt(turned) + np.sqrt(shifted) / length)
 
 
 def _is_long(way: Way, touches: bool, at_once: bool) -> bool:

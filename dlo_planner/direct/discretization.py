@@ -71,13 +71,15 @@ class ContactPoints(NamedTuple):
             return self
         inside = self.obstacle >= 0  # anywhere in the element: its middle, if it is not known
         rolls = inside & (self.fraction < 0.0)
-        at = old[self.element] + (np.where(inside & ~rolls, 0.5, np.abs(self.fraction))
-                                  * np.diff(old)[self.element])
+        before = old[self.element]
+        at = before + (np.where(inside & ~rolls, 0.5, np.abs(self.fraction))
+                       * (old[self.element + 1] - before))
         tiny = _SAME_NODE * s[-1]
-        element = np.clip(np.searchsorted(s, at - tiny) - 1, 0, s.size - 2)
-        fraction = (at - s[element]) / np.diff(s)[element]
-        fraction = np.where(np.abs(at - s[element + 1]) < tiny, 1.0, np.clip(fraction, 0.0, 1.0))
-        begin = -np.clip(fraction, _SAME_NODE, 1.0 - _SAME_NODE)
+        element = np.minimum(np.maximum(np.searchsorted(s, at - tiny) - 1, 0), s.size - 2)
+        begin, end = s[element], s[element + 1]
+        fraction = np.where(np.abs(at - end) < tiny, 1.0,
+                            np.minimum(np.maximum((at - begin) / (end - begin), 0.0), 1.0))
+        begin = -np.minimum(np.maximum(fraction, _SAME_NODE), 1.0 - _SAME_NODE)
         return self._replace(element=element,  # inside they are fixed, or <= 0: they roll
                              fraction=np.where(rolls, begin, np.where(inside, self.fraction,
                                                                       fraction)))
@@ -109,8 +111,13 @@ class Memory(Value):
     @classmethod
     def empty(cls, s: Floats, springs: int, bodies: int, of: Surroundings) -> Memory:
         """Return the past of a DLO that has none, with so many springs and bodies."""
-        return cls(s, np.zeros((s.size - 1, springs)), 0.0, _NO_NUMBER, np.zeros((bodies, s.size)),
-                   NO_POINTS, NOWHERE, NOWHERE, of)
+        plastic, force, past = (np.zeros((s.size - 1, springs)), np.zeros((bodies, s.size)),
+                                cls.__new__(cls))
+        freeze((plastic, force))  # nobody else has them: they need not be judged
+        put(past, s=s, plastic=plastic, dissipated=0.0, hold=_NO_NUMBER, node_force=force,
+            points=NO_POINTS, positions=NOWHERE, tangents=NOWHERE, of=of, set_error=0.0,
+            hinge=-1.0, original_set=None)
+        return past
 
     @cached_property
     def idle(self) -> bool:
@@ -152,7 +159,7 @@ class Memory(Value):
     def under(self, later: Memory) -> Memory:
         """Return the same past under the forces after the step; what slid in it slides."""
         points = later.points
-        return changed(self.with_forces(later),
+        return changed(self, hold=later.hold, node_force=later.node_force,
                        points=points._replace(anchor=points.anchor - points.slid))
 
     def resampled(self, s: Floats) -> Memory:
@@ -164,7 +171,9 @@ class Memory(Value):
             curve = scipy.interpolate.CubicHermiteSpline(self.s, positions, tangents)
             positions, tangents = curve(s), curve(s, 1)
         if len(force):
-            force = force @ (np.abs(self.s[:, None] - s) < _SAME_NODE * s[-1])
+            tiny = _SAME_NODE * s[-1]
+            at = np.minimum(np.searchsorted(self.s, s - tiny), self.s.size - 1)
+            force = force[:, at] * (np.abs(self.s[at] - s) < tiny)
         else:
             force = np.zeros((0, s.size))
         of_set = self.original_set or (self.s, self.plastic)
@@ -260,9 +269,6 @@ class Discretization(Value):
     basis: str          # 'chebyshev', 'fourier' or 'local'
     n_terms: int        # of the series; unused by 'local'
     variation: Mapping[str, Floats] | None  # what `varied` was called with
-    spring: float       # N/m, of contacts where one end is held,
-    held_spring: float  # where both are
-    hold_spring: float  # of a grip of the far end
     free: Problem
     _nominal: Discretization | None
 
@@ -272,10 +278,7 @@ class Discretization(Value):
         put(self, surroundings=surroundings, s=s, basis=basis, n_terms=n_terms, variation=variation,
             _nominal=nominal)
         freeze(s)
-        if nominal is not None:
-            put(self, free=nominal.free, **{name: getattr(nominal, name) for name, *_ in _SPRINGS})
-        else:
-            self._compute()
+        put(self, free=self._computed() if nominal is None else nominal.free)
         if variation is not None:
             freeze(list(variation.values()))
             # copies: kernels are compiled for arrays that may be written
@@ -285,21 +288,18 @@ class Discretization(Value):
                 fields['basis'] = nominal.free.basis / np.sqrt(s[-1] / nominal.s[-1])
             put(self, free=self.free._replace(**fields))
 
-    def _compute(self) -> None:
+    def _computed(self) -> Problem:
+        """Return the Problem of the nominal DLO that hangs freely."""
         rod, around, s = self.surroundings.rod, self.surroundings, self.s
         lengths = s[1:] - s[:-1]
         stiffness = rod.mean_stiffnesses(s)
-        pull = -node_masses(rod, s)[:, None] * around.gravity - node_forces(around, s)
-        weight = np.sqrt(np.einsum('ki,ki->k', pull, pull)).sum()
-        bend = min(rod.stiffness[1:]) / rod.length**2
-        for name, stiff, most in _SPRINGS:
-            put(self, **{name: min(stiff * (weight + bend), most * bend) / rod.length})
-        effects = free_terms(pull)
-        put(self, free=Problem(
+        effects = free_terms(-node_masses(rod, s)[:, None] * around.gravity
+                             - node_forces(around, s))
+        return Problem(
             lengths, rod.mean_natural_strains(s), stiffness,
             unknown_scale(self.basis, stiffness, lengths),
             orthonormal_basis(self.basis, self.n_terms, s, stiffness), np.eye(3), np.zeros(3),
-            effects, structure_of(effects, s.size), np.zeros((0, 3)), 0.0))
+            effects, structure_of(effects, s.size), np.zeros((0, 3)), 0.0)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), tuple(getattr(self, name) for name in self._PARTS)
@@ -398,6 +398,32 @@ class Discretization(Value):
             self._grip(far_end, place, past.hold, springs),
             self.spring if far_end is None else self.held_spring, *left)
         return result
+
+    @cached_property
+    def _springs(self) -> dict[str, float]:
+        """The springs of constraints, N/m."""
+        if self._nominal is not None:
+            return self._nominal._springs
+        rod, pull = self.rod, self.free.load.pull
+        weight = np.sqrt(np.einsum('ki,ki->k', pull, pull)).sum()
+        bend = min(rod.stiffness[1:]) / rod.length**2
+        return {name: float(min(stiff * (weight + bend), most * bend) / rod.length)
+                for name, stiff, most in _SPRINGS}
+
+    @cached_property
+    def spring(self) -> float:
+        """Spring in N/m of contacts where one end is held."""
+        return self._springs['spring']
+
+    @cached_property
+    def held_spring(self) -> float:
+        """Spring in N/m of contacts where both ends are held."""
+        return self._springs['held_spring']
+
+    @cached_property
+    def hold_spring(self) -> float:
+        """Spring in N/m of a grip of the far end."""
+        return self._springs['hold_spring']
 
     @cached_property
     def _free_end(self) -> GripConstraint:
@@ -559,7 +585,8 @@ class Discretization(Value):
     @cached_property
     def finer(self) -> Discretization:
         """The same rod, every element halved, one unknown strain per half."""
-        s = np.sort(np.append(self.s, 0.5 * (self.s[1:] + self.s[:-1])))
+        s = np.empty(2 * self.s.size - 1)
+        s[::2], s[1::2] = self.s, 0.5 * (self.s[1:] + self.s[:-1])
         return Discretization(self.surroundings, s, 'local', 0)
 
     @cached_property

@@ -45,6 +45,9 @@ class Search(NamedTuple):
     near: bool = False           # whether it is given up where it is not near
 
 
+THOROUGH = Search()
+
+
 def minimum(mesh: Discretization, system: Problem, gripper: Pose, q: Floats,
             memory: Memory | None, how: Search) -> Minimum:
     """Return the Minimum of a Problem that is reached from q (m, 3), whatever acts."""

@@ -25,6 +25,7 @@ from dlo_planner.direct.search import (
     EXACT,
     KEPT,
     MAX_ITERATIONS,
+    THOROUGH,
     TOLERANCE,
     Search,
     described_minimum,
@@ -53,7 +54,7 @@ from dlo_planner.minimize.solve import (
     solve_step,
 )
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.pose import Pose, angle_between, pose_of
 from dlo_planner.model.supports import FarEnd, distance, spans
 from dlo_planner.model.value import Constant, changed, freeze, put, read_only
 from dlo_planner.model.varying import scaled
@@ -62,8 +63,8 @@ from dlo_planner.progress import INTERRUPT, uninterrupted
 
 def between(one: Pose, other: Pose, fraction: float) -> Pose:
     """Return the Pose at `fraction` of the way: position linear, rotation about one fixed axis."""
-    return Pose.from_rotation(one.position + fraction * (other.position - one.position),
-                              partway(one.rotation, other.rotation, float(fraction)))
+    return pose_of(one.position + fraction * (other.position - one.position),
+                   partway(one.rotation, other.rotation, float(fraction)))
 
 
 class Grips(NamedTuple):
@@ -268,7 +269,7 @@ def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:
     if not shape.contacts or shape.far_end is not None or mesh.yields or not mesh.may_hang:
         return np.inf
     gripper, finer = shape.gripper, mesh.finer
-    left = changed(past.under(past), positions=NOWHERE, tangents=NOWHERE).resampled(finer.s)
+    left = changed(past, positions=NOWHERE, tangents=NOWHERE).under(past).resampled(finer.s)
     system = finer.system(gripper.rotation, gripper.position, left)
     return 4 / 3 * float(correction(system, np.array(shape.element_strains),
                                     shape.positions - gripper.position))
@@ -562,7 +563,7 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
         places, tangents = read_only(memory.positions), read_only(memory.tangents)
     return _uninterrupted(solve_step(
         system, full, gripper.rotation, gripper.position, read_only(strains), places, tangents,
-        frames, rotation, nodes, most, how.tolerance, how.exact * float(mesh.s[-1]), how.steps,
+        frames, rotation, nodes, most, how.tolerance, how.exact * mesh.s.item(-1), how.steps,
         how.check, how.near))
 
 
@@ -587,7 +588,7 @@ def search_of(mesh: Discretization, gripper: Pose, far_end: FarEnd | None) -> Se
     is given up soon.
     """
     if far_end is None:
-        return Search()
+        return THOROUGH
     length, spanned = float(mesh.s[-1]), distance(far_end, gripper)
     steps = MAX_ITERATIONS if spans(spanned, length, mesh.loaded) else _IN_VAIN
     exact = EXACT
@@ -633,14 +634,14 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     around, before = mesh.surroundings, memory or mesh.start
     hangs = mesh.hangs and far_end is None  # then the next step does not count from here
     for one in end[:4]:
-        one.flags.writeable = False
+        one.setflags(write=False)
     if not hangs:
-        freeze(end[4:8])
+        freeze(end[4:7] if culled else end[4:8])
     violation = max(end.violation, end.inside)
     bound = around.pinned or far_end is not None or mesh.obstructed and not culled
     reach = np.inf if far_end is None else reach_of(mesh, distance(far_end, gripper))
     good = is_equilibrium(bool(end.stationary), end.stability, bool(bound), violation,
-                          float(KEPT * mesh.s[-1]), end.missed, reach) and before.hinge < 0.0
+                          KEPT * mesh.s.item(-1), end.missed, reach) and before.hinge < 0.0
     after: Memory = before
     contacts: tuple[Any, ...] = ()
     if not hangs:
@@ -731,7 +732,7 @@ def moved_from(mesh: Discretization, positions: Floats, finer: Shape, culled: bo
 
     It is infinite where that is another shape in contact.
     """
-    moved = np.linalg.norm(finer.positions[::2] - positions, axis=1).max()
+    moved = _largest(finer.positions[::2] - positions)
     if mesh.obstructed and not culled and moved > _ELSEWHERE * mesh.s[-1]:
         return np.inf
     return _error_from(mesh, positions, finer.positions)
@@ -739,9 +740,13 @@ def moved_from(mesh: Discretization, positions: Floats, finer: Shape, culled: bo
 
 def _error_from(mesh: Discretization, positions: Floats, finer: Floats) -> float:
     """Return the error of nodes (N + 1, 3), of second order, from those of halved elements."""
-    moved = np.linalg.norm(finer[::2] - positions, axis=1).max()
     rounding = 1e-15 * mesh.s.size * mesh.s[-1]
-    return float(4 / 3 * moved + rounding)
+    return float(4 / 3 * _largest(finer[::2] - positions) + rounding)
+
+
+def _largest(vectors: Floats) -> float:
+    """Return the length of the longest of some vectors (n, 3)."""
+    return float(np.sqrt(np.einsum('ki,ki->k', vectors, vectors).max()))
 
 
 # ------------------------------------------------------------------------------------------------

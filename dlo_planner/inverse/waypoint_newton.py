@@ -539,7 +539,8 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
     freeze(pair)
     limits = np.full((3, len(s)), np.inf) if most is None else most
     least = least if reach is None else max(least, -NEUTRAL)
-    within = np.repeat((np.inf, np.inf) if reach is None else reach, 3)
+    turn, shift = (np.inf, np.inf) if reach is None else reach
+    within = np.array((turn, turn, turn, shift, shift, shift))
     count, found, bases, where, axes, origins = uninterrupted(follow_goals(
         mesh.free, *pair, frames, np.array(origin), np.array([ahead, *further], dtype=float),
         mesh.s, goals, np.array(s), np.array(free), within, limits, float(least), watched,
@@ -563,7 +564,7 @@ def goal_shape(simulator: DirectSimulator, guess: Shape, goals: GoalTable, s: Ar
                reach: tuple[float, float] | None = None) -> Found | None:
     """Return what `follow` finds at `s`, on a mesh as fine as the simulator's, or None."""
     mesh, shape = guess.state.made_on, guess
-    where = np.array(np.broadcast_to(s, (1, goals.kind.size)), dtype=float)
+    where = np.full((1, goals.kind.size), s, dtype=float)
     for _ in range(MESHES):
         found = follow(mesh, shape, goals, where, free, trend=trend, origin=origin, place=place,
                        reach=reach)

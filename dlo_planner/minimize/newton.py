@@ -358,7 +358,11 @@ def newton_descent(system: Problem, q: Floats, options: Options,
                 residual, stability = np.inf, -np.inf
                 break
             if not definite:
-                shift = inertia_correction(system, hessian, max(LEAST_SHIFT, 4.0 * shift))
+                shift = max(LEAST_SHIFT, 4.0 * shift)
+                if options.nodes.size and not arrived and not is_definite(system, hessian, shift):
+                    residual, stability, leans = np.inf, -np.inf, True  # it falls
+                    break
+                shift = inertia_correction(system, hessian, shift)
             age, shifted = 0.0 if whole else np.inf, shift
         if arrived:
             stability, mode = lowest_mode(system, hessian, shift,

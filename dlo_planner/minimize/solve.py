@@ -198,12 +198,13 @@ def _minimum(contact, system, options, work, places, tangents):
         return _unobstructed(system, options, work)
     if contact.scene.kind.size == 0:  # nor are there tangents then
         return _unobstructed(system, options, work)
-    bodies = bodies_in_reach(system, _seen_from(system.origin, places, tangents))
+    before = _seen_from(system.origin, places, tangents)
+    bodies = bodies_in_reach(system, before)
     if bodies.size == 0:
         end = _unobstructed(with_bodies(system, bodies), options, work)
         return end[:5] + (among_all(system, end[5], bodies), end[6])
-    return obstructed_minimum(system, work.start, options.gtol, options.ctol, options.maxiter,
-                              options.check, places, tangents)
+    return _minimum_among(bodies, system, work.start, options.gtol, options.ctol, options.maxiter,
+                          options.check, before)
 
 
 @kernel
@@ -218,7 +219,13 @@ def _unobstructed(system, options, work):
 def obstructed_minimum(system, q, tolerance, exact, steps, check, places, tangents):
     """Return what `solve_contact` does of a DLO whose nodes were at `places`, world, before."""
     before = _seen_from(system.origin, places, tangents)
-    bodies = bodies_in_reach(system, before)
+    return _minimum_among(bodies_in_reach(system, before), system, q, tolerance, exact, steps,
+                          check, before)
+
+
+@kernel
+def _minimum_among(bodies, system, q, tolerance, exact, steps, check, before):
+    """Return what `solve_contact` does, of a DLO that may meet some bodies (m,) alone."""
     some = 0 < bodies.size < system.effects.contact.scene.kind.size
     end = solve_contact(with_bodies(system, bodies) if some else system, q, COARSER * tolerance,
                         exact, steps, check, before)

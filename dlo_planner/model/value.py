@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from dataclasses import MISSING, Field, FrozenInstanceError, fields, is_dataclass
 from math import isnan
+from operator import is_
 from typing import Any, NoReturn, Self, TypeVar
 
 import numpy as np
@@ -97,6 +98,9 @@ class Constant(Value):
     def __call__(self, *_: object) -> Any:
         """Return it."""
         return self.content
+
+
+_SETTLED = Value, float, int, str, type(None)  # what needs no look
 
 
 class FrozenDict(dict[Any, Any]):
@@ -188,8 +192,8 @@ def owned(content: Any) -> Any:
             content = content.copy()
             content.flags.writeable = False
     elif isinstance(content, tuple | list):
-        parts = [part if isinstance(part, Value) else owned(part) for part in content]
-        if any(one is not other for one, other in zip(parts, content, strict=True)):
+        parts = [part if isinstance(part, _SETTLED) else owned(part) for part in content]
+        if not all(map(is_, parts, content)):
             make = getattr(type(content), '_make', type(content))  # of a NamedTuple
             return make(parts)
     elif isinstance(content, dict):

@@ -112,6 +112,8 @@ class Judge:
 
     def room_beside_touched(self, shape: Shape) -> float:
         """Return the smallest distance (m) of a Shape from what it may touch; inf: nothing."""
+        if not self.touched:
+            return np.inf
         room = self._touched_bodies.exact(shape)
         return room if abs(room) > _TOUCHES * shape.s[-1] else 0.0
 

@@ -486,9 +486,11 @@ def times_at_speed(grippers: Sequence[Pose], linear_speed: float, angular_speed:
     if len(grippers) < 2:
         return np.zeros(len(grippers))
     positions = np.array([pose.position for pose in grippers])
-    rotations = Rotation.from_matrix([pose.rotation for pose in grippers])
+    rotations = np.array([pose.rotation for pose in grippers])
     distance = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    angle = (rotations[1:] * rotations[:-1].inv()).magnitude()
+    turns = rotations[1:] @ rotations[:-1].swapaxes(1, 2)
+    sines = turns[:, (2, 0, 1), (1, 2, 0)] - turns[:, (1, 2, 0), (2, 0, 1)]
+    angle = np.arctan2(np.linalg.norm(sines, axis=1), np.trace(turns, axis1=1, axis2=2) - 1.0)
     legs = np.maximum(distance / linear_speed, angle / angular_speed)
     return np.concatenate([[0.0], np.cumsum(legs)])
 

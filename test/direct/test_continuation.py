@@ -56,6 +56,25 @@ def test_a_quick_change_is_followed_in_smaller_steps():
     np.testing.assert_allclose(shape.gripper.matrix, pose(0.2).matrix, atol=1e-12)
 
 
+@pytest.mark.parametrize('leaps', [(0.0512,), (0.0303,), (0.0303, 0.0802)])
+def test_what_is_left_of_a_way_after_a_fall_is_made_at_once(leaps):
+    ways = []
+
+    def equilibrium(gripper, initial, far_end, most=np.inf):
+        begin, turned = (Rotation.from_matrix(np.array(one.rotation)).as_rotvec()[2]
+                         for one in (initial.gripper, gripper))
+        ways.append((begin, turned))
+        shape = bent(gripper, 0.9 * sum(turned > leap for leap in leaps))
+        return replace(shape, state=replace(shape.state, culled=True))
+
+    before, goal = bent(pose(0.0), 0.0), pose(0.1)
+    shape = follow(equilibrium, before, goal)
+    assert shape.jumped and shape.gripper is goal
+    assert shape_change(shape, bent(goal, 0.9 * len(leaps))) < 1e-9
+    after = [way for way in ways if leaps[0] < way[0] < 0.045 or way[0] > leaps[-1]]
+    assert len(after) <= 4 + len(leaps)  # not one for each of the eleven halves of the way before
+
+
 def test_a_failure_on_the_way_is_not_passed_over():
     def equilibrium(gripper, initial, far_end, most=np.inf):
         turned = Rotation.from_matrix(np.array(gripper.rotation)).as_rotvec()[2]

@@ -137,7 +137,7 @@ class NearestToCenters(Family):
             np.array([POSITION, DIRECTION, *[THROUGH] * further, ROLL]),
             np.full(further + 3, length - depth),
             np.vstack([self.centers[0], self.normals[0], self.centers[1:], rotation[:, 0]]),
-            np.tile(rotation, (further + 3, 1, 1)),
+            np.array([rotation] * (further + 3)),
             np.array([weights[0], _FREE * float(1 - share[1]) * length, *weights[1:],
                       turns]) / length)
 
