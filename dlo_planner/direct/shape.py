@@ -744,9 +744,6 @@ def _radii(surface: Surface, s: Floats) -> Floats:
 
 def _radii_of(shape: Shape) -> Floats | None:
     """Return the `_radii` of a Shape; None where it has none."""
-    if shape.parts is not None:  # of one grasped inside, the first runs against its arc length
-        back, on = (_radii_of(part) for part in shape.parts)
-        return None if back is None or on is None else np.concatenate([back[::-1], on])
     if shape.rod is None or shape.rod.radius is None:
         return None
     return _radii(Surface.of(shape.rod), shape.s)
@@ -816,7 +813,8 @@ def carried(shape: Shape, displacement: Floats) -> Shape:
     """Return what `Shape.moved` does, of an array (3,); what it touches has to be carried, too."""
     if shape.state.mesh is not None:
         check_movable(shape.state.mesh.surroundings)
-    return replace(shape, gripper=shifted(shape.gripper, displacement),
+    parts = shape.parts and tuple(carried(part, displacement) for part in shape.parts)
+    return replace(shape, gripper=shifted(shape.gripper, displacement), parts=parts,
                    positions=shape.positions + displacement,
                    energy=shape.energy + float(displacement @ shape.gripper_wrench[:3]))
 
@@ -872,6 +870,7 @@ def _linearized(shape: Shape, name: str = 'shape') -> Linearized:
 
 _ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
 _PAST = 'past_'
+_PARTS = 'back', 'front'  # of a DLO grasped inside
 _NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', 'converged',
             'jumped', 'evaluations', 'violation', 'dissipated')
 
@@ -886,6 +885,8 @@ def pack(shape: Shape) -> dict[str, Any]:
         packed |= {'far_end': pose_row(shape.far_end.pose), 'far_grip': shape.far_end.grip}
     packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
+    if shape.parts is not None:
+        packed |= {name: pack(part) for name, part in zip(_PARTS, shape.parts, strict=True)}
     if shape.state.history is not None:
         packed |= {_PAST + name: array for name, array in shape.state.history.packed().items()}
     return packed
@@ -903,7 +904,9 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     values = {name: stored[name] for name in _ARRAYS}
     values |= {name: stored[name].item() for name in _NUMBERS}
     passed = float(stored.get('passed_itself', np.nan))  # 1, 0, or nan
+    parts = tuple(unpack(stored[name]) for name in _PARTS) if _PARTS[0] in stored else None
     return Shape(gripper=pose_of_row(stored['gripper']), contacts=contacts, far_end=far_end,
+                 parts=parts,
                  passed_itself=bool(passed) if passed in (0.0, 1.0) else np.nan,
                  state=State(history=history, estimate=Constant(float(stored['error_estimate']))),
                  **values)

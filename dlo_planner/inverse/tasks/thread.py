@@ -39,6 +39,7 @@ from dlo_planner.inverse.equilibria import (
     shape_with_end,
     start_candidates,
 )
+from dlo_planner.inverse.held_inside import HeldInside
 from dlo_planner.inverse.route import (
     NO_WAY,
     Threading,
@@ -290,6 +291,8 @@ class Thread(Task):
         Distance in m that the gripper keeps from the sheet. If None, any.
     as_deep_as_possible : bool
         Whether the plan may end before the last depth.
+    hold_at : float or None
+        Where the gripper holds the DLO, m from its beginning. If None, at its beginning.
     """
 
     takes_initial: ClassVar[bool] = True
@@ -299,17 +302,21 @@ class Thread(Task):
     method: str = 'coupled'
     gripper_clearance: float | None = None
     as_deep_as_possible: bool = False
+    hold_at: float | None = None
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, cutout: CutOut, depths: ArrayLike | None = None,
                      method: str = 'coupled', gripper_clearance: float | None = None,
-                     as_deep_as_possible: bool = False) -> None: ...
+                     as_deep_as_possible: bool = False, hold_at: float | None = None,
+                     ) -> None: ...
 
     def __post_init__(self) -> None:
         instance('cutout', self.cutout, CutOut)
         if self.gripper_clearance is not None:
             put(self, gripper_clearance=number('gripper_clearance', self.gripper_clearance,
                                                minimum=0))
+        if self.hold_at is not None:
+            put(self, hold_at=number('hold_at', self.hold_at, minimum=0) or None)
         choice('method', self.method, ('coupled', 'nested'))
         flag('as_deep_as_possible', self.as_deep_as_possible)
         put(self, depths=depths_or_none('depths', self.depths))
@@ -318,14 +325,18 @@ class Thread(Task):
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan."""
         instance('context', context, PlanContext)
-        depths, demands = depths_on(context.rod.length, self.depths), context.demands
+        inside = None if self.hold_at is None else HeldInside(context, self.hold_at, (self.cutout,))
+        front = context if inside is None else inside.front  # what is threaded
+        demands = context.demands if inside is None else inside.demands
+        depths = depths_on(front.rod.length, self.depths)
 
         def planned(depths: Floats) -> Plan:
-            free = context.without_obstacles
-            return with_certificate(
-                partial(thread, free, Threading((self.cutout,), depths, context.start, demands,
-                                                context.initial, self.method)),
-                partial(certificate, free, self.cutout, depths))
+            free = front.without_obstacles
+            solve = partial(
+                with_certificate, partial(thread, free, Threading(
+                    (self.cutout,), depths, front.start, front.demands, front.initial,
+                    self.method)), partial(certificate, free, self.cutout, depths))
+            return solve() if inside is None else inside.planned(solve)
 
         plan = deepest(planned, depths) if self.as_deep_as_possible else planned(depths)
         if self.gripper_clearance is None:

@@ -1,0 +1,129 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A task of a DLO that is held inside: its front is planned, then the whole is judged.
+
+The part in front of the gripper does not feel the one behind it: the plan is that of a DLO that
+begins at the gripper. The part behind hangs from the gripper as it does, and is in the way: each
+waypoint, and what is between, is judged once more with both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dlo_planner.direct.grasp import GraspedInside, held_as
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.task import PlanContext
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.plan.builder import PlanBuilder
+from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.plan import Passes, Plan, padded_clearances
+from dlo_planner.plan.waypoint import Holes, Waypoint
+
+
+@dataclass(frozen=True)
+class HeldInside:
+    """What a task asks of a DLO whose gripper holds it at `at`, m from its beginning."""
+
+    context: PlanContext  # of the whole DLO
+    at: float
+    cutouts: tuple[CutOut, ...]  # that the part in front passes
+
+    @cached_property
+    def simulator(self) -> GraspedInside:
+        """The simulator of the whole DLO, among its obstacles, elastic."""
+        return GraspedInside.of(self.context.simulator, self.at)
+
+    @cached_property
+    def front(self) -> PlanContext:
+        """The context of the part in front of the gripper, as a DLO of its own."""
+        context, initial = self.context, self.context.initial
+        if initial is not None:
+            held_as('hold_at', self.simulator, initial)
+            assert initial.parts is not None  # it is held there
+            initial = initial.parts[1]
+        return replace(context, given=context.given.part(self.at, 1),
+                       simulator=self.simulator.parts[1], initial=initial)
+
+    @cached_property
+    def demands(self) -> Judge:
+        """The demands on the whole DLO; the part in front has reported its waypoints."""
+        return self.context.demands.silent().made_with(self.simulator.without_obstacles())
+
+    def planned(self, solve: Callable[[], Plan]) -> Plan:
+        """Return the Plan of the whole DLO, of one that `solve` returns for the part in front.
+
+        Raises
+        ------
+        Infeasible
+            Also where the part behind the gripper does not keep the demands.
+        """
+        try:
+            plan = solve()
+        except Infeasible as error:  # its evidence is of the whole DLO, too
+            if error.plan is not None and len(error.plan):
+                error.plan = self._joined(error.plan, self._backs(error.plan))
+            raise
+        backs = self._backs(plan)
+        whole = self._joined(plan, backs)
+        builder = PlanBuilder(plan.depths, self.demands, initial=self.context.initial,
+                              stops=plan.stops)
+        for waypoint, back in zip(self._waypoints(whole), backs, strict=True):
+            if not back.converged or back.jumped:
+                raise builder.refusal('continuity', np.inf, 'the part of the DLO behind the '
+                                      f'gripper does not follow: it is {back.status}', '')
+            through = self._through(back)
+            if through > 0:
+                raise builder.refusal('clearance', through, 'the part of the DLO behind the '
+                                      'gripper hangs through the cut-out')
+            builder.add(waypoint)
+        judged = builder.finished()
+        return replace(whole, clearance=judged.clearance,
+                       yield_utilization=judged.yield_utilization)
+
+    def _backs(self, plan: Plan) -> list[Shape]:
+        """Return the Shapes of the part behind the gripper along a Plan of the part in front."""
+        return self.simulator.without_obstacles().behind(plan.grippers, self.context.initial)
+
+    def _joined(self, plan: Plan, backs: Sequence[Shape]) -> Plan:
+        """Return a Plan of the part in front with the shapes of the whole DLO, not judged."""
+        shapes = [self.simulator.joined(back, front)
+                  for back, front in zip(backs, plan.shapes, strict=True)]
+        passes: list[Passes] = [
+            tuple((center, s + self.at, normal) for center, s, normal in each)
+            for each in plan.via_points]
+        holes = Holes(self.cutouts, self.context.rod.length, self.demands.obstacles,
+                      self.demands.surface)
+        placed = [holes.passed(Waypoint(shape)) for shape in shapes]
+        return replace(
+            plan, shapes=tuple(shapes), via_points=tuple(passes), sheets=placed[0].sheets,
+            clearances=padded_clearances([waypoint.clearances for waypoint in placed]),
+            clearance=np.array([waypoint.clearance for waypoint in placed]))
+
+    def _through(self, back: Shape) -> float:
+        """Return how far (m) the part behind the gripper hangs through a sized cut-out, or 0.
+
+        It is clear of the sheet there, but not where it should be.
+        """
+        deepest = 0.0
+        for cutout in self.cutouts:
+            size = cutout.radius or 0.5 * np.hypot(cutout.width or 0.0, cutout.height or 0.0)
+            away = back.positions - cutout.center
+            depth = away @ cutout.normal
+            for k in np.flatnonzero((depth[1:] > 0) != (depth[:-1] > 0)):
+                share = depth[k] / (depth[k] - depth[k + 1])
+                place = away[k] + share * (away[k + 1] - away[k])
+                if np.linalg.norm(place) < size:
+                    deepest = max(deepest, float(depth.max()))
+        return deepest
+
+    def _waypoints(self, plan: Plan) -> list[Waypoint]:
+        """Return the Waypoints of a Plan of the whole DLO."""
+        return [Waypoint(point.shape, point.misalignment, point.position_error, passes,
+                         tuple(rooms), plan.sheets) for point, passes, rooms in zip(
+                             plan, plan.via_points, plan.clearances, strict=True)]
