@@ -15,13 +15,15 @@ from functools import cached_property
 
 import numpy as np
 
-from dlo_planner.direct.grasp import GraspedInside, held_as
+from dlo_planner.direct.grasp import GraspedInside, grasped_at, held_as
 from dlo_planner.direct.shape import Shape
-from dlo_planner.errors import Infeasible
+from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.task import PlanContext
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.rod import Surface
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.plan import Passes, Plan, padded_clearances
 from dlo_planner.plan.waypoint import Holes, Waypoint
 
@@ -55,8 +57,10 @@ class HeldInside:
         """The demands on the whole DLO; the part in front has reported its waypoints."""
         return self.context.demands.silent().made_with(self.simulator.without_obstacles())
 
-    def planned(self, solve: Callable[[], Plan]) -> Plan:
+    def planned(self, solve: Callable[[], Plan], what: str = 'waypoint') -> Plan:
         """Return the Plan of the whole DLO, of one that `solve` returns for the part in front.
+
+        `what`: how a waypoint is called in a refusal.
 
         Raises
         ------
@@ -71,8 +75,7 @@ class HeldInside:
             raise
         backs = self._backs(plan)
         whole = self._joined(plan, backs)
-        builder = PlanBuilder(plan.depths, self.demands, initial=self.context.initial,
-                              stops=plan.stops)
+        builder = PlanBuilder(plan.depths, self.demands, what, self.context.initial, plan.stops)
         for waypoint, back in zip(self._waypoints(whole), backs, strict=True):
             if not back.converged or back.jumped:
                 raise builder.refusal('continuity', np.inf, 'the part of the DLO behind the '
@@ -127,3 +130,26 @@ class HeldInside:
         return [Waypoint(point.shape, point.misalignment, point.position_error, passes,
                          tuple(rooms), plan.sheets) for point, passes, rooms in zip(
                              plan, plan.via_points, plan.clearances, strict=True)]
+
+
+def front_of(plan: Plan, surface: Surface) -> Plan:
+    """Return the Plan of the part in front of the gripper, as that of a DLO with a Surface.
+
+    Its clearances are of that part alone; `clearance` stays, of all.
+
+    Raises
+    ------
+    InvalidTask
+        The plan is of a DLO that is not held in one place inside.
+    """
+    at = grasped_at(plan.shapes[0])
+    if at is None or any(grasped_at(shape) != at for shape in plan.shapes):
+        raise InvalidTask('plan: expected shapes of one DLO that the gripper holds in one place '
+                          'inside')
+    fronts = [shape.parts[1] for shape in plan.shapes if shape.parts is not None]
+    bodies = Bodies(plan.sheets, (), surface)
+    passes: list[Passes] = [tuple((center, s - at, normal) for center, s, normal in each)
+                            for each in plan.via_points]
+    return replace(
+        plan, shapes=tuple(fronts), via_points=tuple(passes),
+        clearances=plan.clearances if not bodies else np.array(list(map(bodies.holes, fronts))))

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, TypeAlias, overload
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.grasp import grasped_at
 from dlo_planner.direct.shape import Shape, carried, pack, unpack
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.errors import InvalidTask
@@ -222,8 +223,9 @@ class Plan(Filmed):
         """
         return tuple(tuple(goal for center, s, normal in points for goal in (
             PositionAt(s, center), *(() if normal is None else (DirectionAt(s, normal),))))
-            or (FrameAt(0.0, gripper),)
-            for points, gripper in zip(self.via_points, self.grippers, strict=True))
+            or (FrameAt(grasped_at(shape) or 0.0, gripper),)
+            for points, gripper, shape in zip(self.via_points, self.grippers, self.shapes,
+                                              strict=True))
 
     @property
     def position_errors(self) -> list[list[float]]:
