@@ -85,7 +85,8 @@ def _loop_task(made: PlanResult) -> LoopTask:
     stops = [first.normal @ (first.center - plan.shapes[k].positions[-1]) for k in plan.stops
              if not passing[k]]
     standoff = given if given > 0 else float(max(stops, default=0.0)) or far
-    task = Thread(first, depths) if isinstance(task, Thread) else replace(task, depths=depths)
+    task = (Thread(first, depths, hold_at=task.hold_at) if isinstance(task, Thread)
+            else replace(task, depths=depths))
     return LoopTask(scene.inverse, task, standoff, scene.limits)  # refuses what has no room
 
 
