@@ -195,7 +195,7 @@ class GraspedInside(Value):
                 raise InvalidTask('initial = None: expected the Shape whose nodes have these '
                                   'velocities')
             known = array('velocity', velocity, (initial.s.size, 3))
-            gripped = _parts_of(initial)[0].s.size - 1
+            gripped = self.parts_of(initial)[0].s.size - 1
             velocities = [known[gripped::-1], known[gripped:]]
         with interrupted_by(steps.check):
             back, on = (part.simulate(way, dt, shape, velocity=known, tolerance=tolerance,
@@ -229,15 +229,22 @@ class GraspedInside(Value):
             ended[0][0] if ended else 'complete', '; '.join(said for _, said in ended),
             partial(_larger_errors, back, on, n))
 
+    def parts_of(self, initial: Shape) -> tuple[Shape, ...]:
+        """Return the Shapes of both parts of a Shape to start from.
+
+        Raises
+        ------
+        InvalidTask
+            It is of a DLO that is held elsewhere.
+        """
+        at = grasped_at(instance('initial', initial, Shape))
+        if initial.parts is None or at is None or abs(at - self.at) > _SAME * self.rod.length:
+            raise InvalidTask(f'initial = {shown(initial)}: expected a Shape of a DLO grasped '
+                              f'inside, at {self.at:g} m, it is held at {at or 0.0:g} m')
+        return initial.parts
+
     def _before(self, initial: Shape | None) -> tuple[Shape | None, ...]:
-        """Return the Shapes of both parts to start from, or None; of no other place."""
-        if initial is None:
-            return None, None
-        parts = _parts_of(initial)
-        at, length = float(parts[0].s[-1]), self.rod.length
-        if abs(at - self.at) > _SAME * length:
-            raise InvalidTask(f'initial is grasped at {at:g} m: expected {self.at:g} m')
-        return parts
+        return (None, None) if initial is None else self.parts_of(initial)
 
     def joined(self, back: Shape, on: Shape) -> Shape:
         """Return the Shape of both parts as one, s = 0 at the free end of `back`."""
@@ -311,12 +318,6 @@ def _all_of(grippers: Iterable[Pose]) -> tuple[list[Pose], list[Pose]]:
     """Return the poses of the gripper for the part before it, and for that beyond it."""
     both = [_both(gripper) for gripper in poses(grippers, 1)]
     return [back for back, _ in both], [on for _, on in both]
-
-
-def _parts_of(shape: object) -> tuple[Shape, ...]:
-    if not isinstance(shape, Shape) or shape.parts is None:
-        raise InvalidTask(f'initial = {shown(shape)}: expected a Shape of a DLO grasped inside')
-    return shape.parts
 
 
 def _led(previous: Shape | None, shape: Shape) -> Shape:

@@ -35,7 +35,7 @@ from dlo_planner.model.checks import (
 )
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, shifted
-from dlo_planner.model.rod import Rod, Surface
+from dlo_planner.model.rod import BACK, Rod, Surface
 from dlo_planner.model.section import Section
 from dlo_planner.model.supports import FarEnd, Surroundings, distance, spans
 from dlo_planner.model.value import Constant, Value, brief, freeze, owned, put
@@ -456,7 +456,7 @@ class Shape(Pictured):
         history = None if self.history is None else self.history.resampled(s)
         return replace(self, s=s, positions=np.array([pose.position for pose in poses]),
                        frames=np.array([pose.rotation for pose in poses]),
-                       element_strains=mapped(self.s, self.element_strains, s),
+                       element_strains=mapped(self.s, self.element_strains, s), parts=None,
                        state=State(history=history, estimate=Constant(self.error_estimate)))
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -582,6 +582,8 @@ class Shape(Pictured):
         Of elements and nodes: where it is clamped a DLO is bent more than in any element's middle.
         nan without a limit: nothing was looked at.
         """
+        if self.parts is not None:  # both are clamped by the gripper, and bent by it on their own
+            return float(np.min([part.bend_margin for part in self.parts]))
         limit = None if self.rod is None else self.rod.max_bend_curvature
         if limit is None:
             return np.nan
@@ -628,6 +630,9 @@ class Shape(Pictured):
         mesh = self.state.mesh
         if mesh is None:
             raise InvalidTask('this shape does not know its rod: expected one from a simulator')
+        if self.parts is not None:  # each with its own permanent set
+            back, on = (part.bent for part in self.parts)
+            return np.vstack([back[::-1] * BACK, on])
         return self.element_strains - mesh.stress_free(self.state.history)
 
     @property
@@ -715,6 +720,9 @@ def largest_in_elements(shape: Shape, measure: Callable[[Floats], Floats]) -> Fl
 
     Of each element's middle and both its ends: at a clamp that is more than in any middle.
     """
+    if shape.parts is not None:  # both are clamped by the gripper
+        back, on = (largest_in_elements(part, measure) for part in shape.parts)
+        return np.concatenate([back[::-1], on])
     bent = shape.bent
     ends = measure(_at_nodes(shape.s, bent))
     result: Floats = np.maximum(measure(bent), np.maximum(ends[:-1], ends[1:]))

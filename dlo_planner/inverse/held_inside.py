@@ -15,10 +15,11 @@ from functools import cached_property
 
 import numpy as np
 
-from dlo_planner.direct.grasp import GraspedInside, grasped_at, held_as
+from dlo_planner.direct.grasp import GraspedInside, grasped_at
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.task import PlanContext
+from dlo_planner.model.checks import number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.builder import PlanBuilder
@@ -39,18 +40,18 @@ class HeldInside:
     @cached_property
     def simulator(self) -> GraspedInside:
         """The simulator of the whole DLO, among its obstacles, elastic."""
-        return GraspedInside.of(self.context.simulator, self.at)
+        length = self.context.rod.length
+        return GraspedInside.of(self.context.simulator, number('hold_at', self.at, above=0,
+                                                               below=length, unit='m'))
 
     @cached_property
     def front(self) -> PlanContext:
         """The context of the part in front of the gripper, as a DLO of its own."""
         context, initial = self.context, self.context.initial
         if initial is not None:
-            held_as('hold_at', self.simulator, initial)
-            assert initial.parts is not None  # it is held there
-            initial = initial.parts[1]
-        return replace(context, given=context.given.part(self.at, 1),
-                       simulator=self.simulator.parts[1], initial=initial)
+            _, initial = self.simulator.parts_of(initial)
+        return replace(context, simulator=self.simulator.parts[1], initial=initial,
+                       given=context.given.part(self.simulator.at, 1))
 
     @cached_property
     def demands(self) -> Judge:
