@@ -78,7 +78,7 @@ def test_losses_and_violations_are_those_of_both_parts():
         assert shape.violation == max(part.violation for part in shape.parts) > 0.01
 
 
-# ---- as one DLO -----------------------------------------------------------------------------------
+# ---- as one DLO ----------------------------------------------------------------------------------
 
 SOFT = Rod(1.0, 0.045, 0.0147, 0.0118, radius=2.25e-3)
 ASIDE = Pose.looking_along((0.1, -0.2, 1), (1, 0.4, 0.3))
