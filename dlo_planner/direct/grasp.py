@@ -332,8 +332,9 @@ def _led(previous: Shape | None, shape: Shape) -> Shape:
 
 
 def _larger_errors(back: Motion, on: Motion, n: int, most: float) -> Floats:
-    """Return the larger error estimates (n,), m, of two Motions; `most` as for each of them."""
-    both: Floats = np.maximum(*(one._estimated(most)[:n] for one in (back, on)))
+    """Return the larger error estimates (n,), m, of two Motions; all where `most` is inf."""
+    both: Floats = np.maximum(*(
+        (one.error_estimate if most < np.inf else one.estimate_error())[:n] for one in (back, on)))
     return both
 
 

@@ -30,6 +30,7 @@ from dlo_planner.inverse.tasks.approach import Approach
 from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
 from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.move_to import MoveTo
+from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
@@ -102,6 +103,9 @@ class LoopTask:
         if not (self.touches or cutouts_of(self.task)):
             raise InvalidTask(f'task = {self.task!r}: expected one that passes cut-outs, goes into '
                               'a bore or touches an obstacle, there is nothing else to look for')
+        if isinstance(self.task, Thread) and self.task.hold_at is not None:
+            raise InvalidTask(f'task.hold_at = {self.task.hold_at:g}: expected None in a closed '
+                              'loop, which estimates a DLO that is held at its beginning')
         if self.touches and self.most_off is None:
             raise InvalidTask(f'task = {self.task!r}: expected most_off, by how much the DLO may '
                               'miss the place that it touches')

@@ -88,6 +88,7 @@ class Estimator(Part):
                 'observed_points', stamp=msg.header.stamp, counter='clouds refused', stream=True):
             self.statistics.count('clouds received')
             state, stamp = self.store.state, seconds_of(msg.header.stamp)
+            refuse_grasped(state.scene)
             observing = self._observing_of(state)
             if observing is None or not observing.due(stamp):
                 return
@@ -117,6 +118,7 @@ class Estimator(Part):
         with self._turn, self.status.answering(
                 'observed_cutout', stamp=msg.header.stamp, stream=True):
             state, stamp = self.store.state, seconds_of(msg.header.stamp)
+            refuse_grasped(state.scene)
             seen = pose_in(state.scene, msg, 'observed_cutout', self.frames).position
             observing, stated = self._observing_of(state), cutout_of(state)
             if observing is None or stated is None:
@@ -203,6 +205,7 @@ class Estimator(Part):
     def _on_identify(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._turn, self.status.answering('identify', answer=response) as outcome:
             state = self.store.state
+            refuse_grasped(state.scene)
             if state.executing:
                 raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or '
                               '~/cancel')
@@ -250,9 +253,19 @@ def cutout_of(state: State) -> Floats | None:
     return centers[0]
 
 
+def refuse_grasped(scene: Scene) -> None:
+    """Refuse what is seen of a DLO that is grasped inside: it would be taken for another one."""
+    if scene.grasped is not None:
+        raise Refused(Cause.INVALID_PARAMETER, f'parameter rod.grasped_at = {scene.grasped.at:g}: '
+                      'expected 0 where the DLO is observed, an estimate is of one that the '
+                      'gripper holds at its beginning')
+
+
 def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],
                  known: Estimate | None) -> DloEstimator | None:
     """Return a new DloEstimator, None where the DLO cannot be observed or nothing is uncertain."""
+    if scene.grasped is not None:
+        return None
     try:
         made = DloEstimator(scene.direct, scene.seeing, known)
     except InvalidTask:
