@@ -302,7 +302,7 @@ class DirectSimulator(Value):
             An argument makes no sense, or the DLO has a permanent set, which stays on its mesh.
         """
         at = number('at', at, above=0, below=self.rod.length)
-        if direction not in (-1, 1):
+        if not integer('direction', direction, minimum=-1, maximum=1):
             raise InvalidTask(f'direction = {shown(direction)}: expected 1, to the end, or -1, to '
                               'the beginning')
         around = self.surroundings.part(at, direction)

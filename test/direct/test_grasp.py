@@ -210,8 +210,9 @@ def test_another_place_is_refused_by_name():
     for at in (0.0, 1.0):
         with pytest.raises(InvalidTask, match='at = .*: expected a finite number > 0 and < 1'):
             GraspedInside.of(DirectSimulator(SOFT), at)
-    with pytest.raises(InvalidTask, match='direction = 2: expected 1, to the end, or -1'):
-        DirectSimulator(SOFT).part(0.5, 2)
+    for direction, said in ((0, '0: expected 1, to the end, or -1'), (2, '2: expected')):
+        with pytest.raises(InvalidTask, match=f'direction = {said}'):
+            DirectSimulator(SOFT).part(0.5, direction)
     yields = Rod(1.0, 0.3, 0.05, 0.04, yield_curvature=0.5, hardening=0.1)
     whole = DirectSimulator(yields)
     with pytest.raises(InvalidTask, match='expected one without a permanent set .* at 0.5 m'):

@@ -14,6 +14,7 @@ from dlo_planner import (
     InvalidTask,
     InverseSimulator,
     Limits,
+    Observer,
     Plan,
     Pose,
     Rod,
@@ -26,6 +27,8 @@ from dlo_planner import (
     robustness,
 )
 from dlo_planner.direct.grasp import grasped_at
+from dlo_planner.execute.loop_motions import LoopTask
+from dlo_planner.identify import correct
 from dlo_planner.inverse.held_inside import front_of
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.checks import utilization
@@ -34,6 +37,7 @@ from dlo_planner.plan.plan import concatenate
 from dlo_planner.rods import GraspedInside
 from dlo_planner.settings.tasks import task_from_yaml, task_to_yaml
 from dlo_planner.tasks import Approach
+from dlo_planner.view.pages import Replanner
 
 # w L^3 / EI = 30: of its whole length no shape is level where it ends, of 0.35 m there are
 ROD = Rod(1.0, 0.045, 0.0147, 0.0118, radius=2.25e-3)
@@ -314,3 +318,16 @@ def test_room_is_that_of_the_part_in_front(held):
         [passes[0][1] for passes in own.via_points])
     with pytest.raises(InvalidTask, match='holds in one place inside'):
         front_of(own, Surface.of(ROD))
+
+
+def test_what_does_not_know_of_it_refuses_it_by_name(held):
+    observer = Observer(DIRECT, Uncertainty(0.05))
+    for asked in (lambda: observer.begin().miss(held), lambda: correct(observer.begin(), held)):
+        with pytest.raises(InvalidTask, match='plan: expected shapes of the .*DLO that is estimat'):
+            asked()
+    with pytest.raises(InvalidTask, match='task.hold_at = 0.65: expected None in a closed loop'):
+        LoopTask(INVERSE, Thread(HOLE, hold_at=AT), 0.1)
+    with pytest.raises(InvalidTask, match='of a DLO that is held at its beginning'):
+        Replanner.of(held, INVERSE)
+    with pytest.raises(InvalidTask, match='of a DLO grasped inside each of Shape.parts vibrates'):
+        held.shapes[0].modes()
