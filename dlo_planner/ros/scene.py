@@ -79,6 +79,11 @@ class Scene:
         return self.values[name]
 
     @property
+    def observed(self) -> DirectSimulator:
+        """The simulator of what is estimated: of the part in front where it is grasped inside."""
+        return self.direct if self.grasped is None else self.grasped.parts[1]
+
+    @property
     def frame_id(self) -> str:
         """Frame of all that goes out."""
         return str(self['frame_id'])

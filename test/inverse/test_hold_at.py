@@ -27,7 +27,6 @@ from dlo_planner import (
     robustness,
 )
 from dlo_planner.direct.grasp import grasped_at
-from dlo_planner.execute.loop_motions import LoopTask
 from dlo_planner.identify import correct
 from dlo_planner.inverse.held_inside import front_of
 from dlo_planner.model.rod import Surface
@@ -325,8 +324,6 @@ def test_what_does_not_know_of_it_refuses_it_by_name(held):
     for asked in (lambda: observer.begin().miss(held), lambda: correct(observer.begin(), held)):
         with pytest.raises(InvalidTask, match='plan: expected shapes of the .*DLO that is estimat'):
             asked()
-    with pytest.raises(InvalidTask, match='task.hold_at = 0.65: expected None in a closed loop'):
-        LoopTask(INVERSE, Thread(HOLE, hold_at=AT), 0.1)
     with pytest.raises(InvalidTask, match='of a DLO that is held at its beginning'):
         Replanner.of(held, INVERSE)
     with pytest.raises(InvalidTask, match='of a DLO grasped inside each of Shape.parts vibrates'):
