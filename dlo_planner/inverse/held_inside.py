@@ -25,6 +25,7 @@ from dlo_planner.model.rod import Surface
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.clearance import Bodies
+from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.plan import Passes, Plan, padded_clearances
 from dlo_planner.plan.waypoint import Holes, Waypoint
 
@@ -77,10 +78,14 @@ class HeldInside:
         backs = self._backs(plan)
         whole = self._joined(plan, backs)
         builder = PlanBuilder(plan.depths, self.demands, what, self.context.initial, plan.stops)
+        last = None if self.context.initial is None else self.simulator.parts_of(
+            self.context.initial)[0]
         for waypoint, back in zip(self._waypoints(whole), backs, strict=True):
             if not back.converged or back.jumped:
-                raise builder.refusal('continuity', np.inf, 'the part of the DLO behind the '
-                                      f'gripper does not follow: it is {back.status}', '')
+                away = float(back.s[-1]) if last is None else apart(last, back)
+                raise builder.refusal('continuity', away, 'the part of the DLO behind the '
+                                      f'gripper does not follow: it is {back.status}')
+            last = back
             through = self._through(back)
             if through > 0:
                 raise builder.refusal('clearance', through, 'the part of the DLO behind the '

@@ -128,6 +128,19 @@ def test_it_must_not_hang_through_the_hole_nor_into_the_sheet():
         soft.thread(CutOut(down, radius=0.008), hold_at=AT, depths=depths)
 
 
+def test_it_must_not_fall_on_the_way():
+    # it hangs over to one side; the hole is where it would hang over to the other
+    now = GraspedInside(ROD, AT).track([Pose.looking_along((0, 0, 1), (np.cos(a), 0, np.sin(a)))
+                                        for a in np.radians(np.linspace(0, -60, 7))])[-1]
+    down = Pose.looking_along((0, 0, 0.5), (-np.cos(np.radians(70)), 0, -np.sin(np.radians(70))))
+    asked = {'hold_at': AT, 'depths': (0, 0.05, 0.1), 'initial': now}
+    with pytest.raises(Infeasible, match='behind the gripper does not follow: .*jumped') as refused:
+        INVERSE.thread(CutOut(down), start=now.gripper, **asked)
+    assert refused.value.constraint == 'continuity' and 0.1 < refused.value.amount < 2
+    plan = INVERSE.thread(CutOut(down), **asked)  # turned about the vertical it does not
+    assert not any(shape.jumped for shape in plan.shapes)
+
+
 def test_it_has_to_keep_every_demand(held):
     weak = replace(ROD, max_bend_curvature=12.0)  # the part in front bends by 3 / m, the rest 7
     bend = 12.0 - InverseSimulator(DirectSimulator(weak)).thread(HOLE, hold_at=AT).bend_margin
