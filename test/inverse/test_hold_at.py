@@ -36,6 +36,7 @@ from dlo_planner.plan.plan import concatenate
 from dlo_planner.rods import GraspedInside
 from dlo_planner.settings.tasks import task_from_yaml, task_to_yaml
 from dlo_planner.tasks import Approach
+from dlo_planner.trajectory.modal_response import slowest_period, slowest_period_of
 from dlo_planner.view.pages import Replanner
 
 # w L^3 / EI = 30: of its whole length no shape is level where it ends, of 0.35 m there are
@@ -223,6 +224,15 @@ def test_the_way_there_is_of_the_whole_dlo(held):
     assert coming.via_points[0] == () and coming.position_error.max() == 0
     both = INVERSE.check(concatenate(coming, held))
     assert replay(DIRECT, both).converged
+    # it has to end as the threading begins, all of it
+    back, front = held.shapes[0].parts
+    bent = DirectSimulator(replace(ROD, length=0.65, natural_curvature=(0, 0.5))).solve(
+        back.gripper)
+    with pytest.raises(Infeasible, match='behind the gripper does not come into') as refused:
+        INVERSE.plan(Approach(HOLE, GraspedInside(ROD, AT).joined(bent, front), 0.05),
+                     start=coming.grippers[0])
+    assert refused.value.constraint == 'start' and refused.value.amount == pytest.approx(
+        np.linalg.norm(bent.positions - back.positions, axis=1).max(), rel=1e-6)
     # the part behind the gripper is looked at, too
     ball = Sphere(coming.shapes[2].positions[10], 0.02)
     with pytest.raises(Infeasible, match='start phase, waypoint [12].*Sphere'):
@@ -277,6 +287,7 @@ def test_in_motion_both_parts_are_calm(held):
     # the period that it takes is that of the longer part, 0.65 m
     slowest = 1 / GraspedInside(ROD, AT).solve(short.grippers[0]).parts[0].modes(1).frequencies[0]
     assert calm.slowest_period == pytest.approx(slowest, rel=0.05)
+    assert slowest_period_of(GraspedInside(ROD, AT)) == slowest_period(tail.rod)
     assert swing_behind(Trajectory(short, quick, tolerance=np.inf)) > 2 * calm.tolerance
 
 
