@@ -123,6 +123,12 @@ class GraspedInside(Value):
         """Return a simulator of the same DLO, all its obstacles with a friction."""
         return self._each(lambda one: one.with_friction(friction))
 
+    def left_by(self, shape: Shape) -> Self:
+        """Return the simulator of the DLO as `shape` leaves each part: with its permanent set."""
+        back, front = (part.left_by(one) for part, one in zip(
+            self.parts, self.parts_of(shape), strict=True))
+        return self._of(self.whole, (back, front))
+
     def with_rod(self, rod: Rod) -> Self:
         """Return a simulator of another Rod held at the same place, all else equal."""
         number('rod.length', instance('rod', rod, Rod).length, above=self.at)

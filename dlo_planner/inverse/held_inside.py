@@ -40,10 +40,11 @@ class HeldInside:
 
     @cached_property
     def simulator(self) -> GraspedInside:
-        """The simulator of the whole DLO, among its obstacles, elastic."""
-        length = self.context.rod.length
-        return GraspedInside.of(self.context.simulator, number('hold_at', self.at, above=0,
-                                                               below=length, unit='m'))
+        """The simulator of the whole DLO, among its obstacles, as it is now, elastic."""
+        given, initial = self.context.given, self.context.initial
+        held = GraspedInside.of(given, number('hold_at', self.at, above=0, below=given.rod.length,
+                                              unit='m'))
+        return (held if initial is None else held.left_by(initial)).elastic()
 
     @cached_property
     def front(self) -> PlanContext:

@@ -199,6 +199,24 @@ def test_the_shape_now_has_to_be_held_there(held):
         INVERSE.thread(HOLE, initial=now)
 
 
+def test_what_is_bent_for_good_stays_so():
+    yields = replace(ROD, yield_curvature=4.0, hardening=0.2)
+    start = Pose.looking_along((0.05, 0, 1), (1, 0, 0.02))
+    now = GraspedInside(yields, AT, basis='local', n_elements=24).solve(start)
+    assert now.dissipated > 0 and now.parts[0].dissipated > 0.9 * now.dissipated
+    inverse = InverseSimulator(DirectSimulator(yields, basis='local', n_elements=24))
+    plan, fresh = (inverse.thread(HOLE, hold_at=AT, depths=(0, 0.05, 0.1), start=start, initial=one)
+                   for one in (now, None))
+    # elastic from the set that there is: near where it would be by small steps that yield no more
+    there = GraspedInside(yields, AT, basis='local', n_elements=24).solve(plan.grippers[0], now)
+    away, without = (np.linalg.norm(shape.positions - there.positions_at(shape.s), axis=1).max()
+                     for shape in (plan.shapes[0], fresh.shapes[0]))
+    assert away < 0.1 * without and without > 0.01
+    with pytest.raises(InvalidTask, match='expected one without a permanent set .* at 0.65 m'):
+        whole = DirectSimulator(yields, basis='local', n_elements=24)
+        InverseSimulator(whole.with_set(whole.solve(start))).thread(HOLE, hold_at=AT)
+
+
 def test_it_travels_as_text_and_in_files(held, tmp_path):
     task = Thread(HOLE, hold_at=AT)
     assert task_from_yaml(task_to_yaml(task)) == task and 'hold_at: 0.65' in task_to_yaml(task)
