@@ -306,7 +306,7 @@ class DirectSimulator(Value):
             raise InvalidTask(f'direction = {shown(direction)}: expected 1, to the end, or -1, to '
                               'the beginning')
         around = self.surroundings.part(at, direction)
-        if self._history is not None:
+        if self._history is not None:  # it stays on its mesh
             raise InvalidTask('simulator: expected one without a permanent set (`reset`) where a '
                               f'part of its DLO is held, at {at:g} m')
         first = self._discretization
