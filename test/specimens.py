@@ -149,7 +149,8 @@ def arguments():
         'half_axes': (1.0, 0.5, 0.5),
         'Capsule.start': (1.0, 0.0, 0.0), 'Cylinder.start': (1.0, 0.0, 0.0), 'cutout': hole,
         # simulators
-        'at': 0.4, 'gripper': LEVEL, 'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
+        'at': 0.4, 'hold_at': 0.4, 'DirectSimulator.part.direction': 1, 'gripper': LEVEL,
+        'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
         's': 0.5, 'Plan.at_arc_length.s': 0.9,
         'Section.surface_strain.strains': np.ones((4, 3)),
         'Rod.masses_per_length.s': [0.1, 0.2], 'Rod.natural_strains.s': [0.1, 0.2],

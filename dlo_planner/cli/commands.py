@@ -51,6 +51,7 @@ from dlo_planner.settings.build import (
     inverse_of,
     limits_of,
     parameters_of_fit,
+    refuse_grasped,
     tolerance_of,
 )
 from dlo_planner.settings.looks import UNITS, read_observations
@@ -103,14 +104,14 @@ def shape(dlo: Described, grippers: tuple[Pose, ...], file: Path | None, far_end
     poses = [*grippers, *([] if file is None else read_poses(Path(file)))]
     if not poses:
         raise InvalidTask('--gripper: expected at least one pose')
-    direct = dlo.direct
     if far_end is not None:
+        refuse_grasped(dlo.values, '--far-end')
         if len(poses) > 1:
             raise InvalidTask('--far-end: expected one --gripper with it')
-        shape = direct.solve(poses[0], far_end=FarEnd(far_end, grip))
+        shape = dlo.direct.solve(poses[0], far_end=FarEnd(far_end, grip))
     else:
         with Bar('poses') as bar:
-            shape = direct.track(poses, bar)[-1]
+            shape = dlo.held.track(poses, bar)[-1]
     click.echo(shape.summary())
     write(shape, outputs)
     if not shape.converged:
@@ -140,9 +141,12 @@ def planning(command: Any) -> Any:
               help='Pose of a cut-out: its center and the direction in which the free end goes '
               'through. May be repeated: passed one after the other.')
 @click.option('--radius', type=float, help='Of the holes, m, for clearances.')
+@click.option('--hold-at', type=float, help='Where the gripper holds the DLO, m from its '
+              'beginning: what is in front of it is threaded. Default: the parameter '
+              'rod.grasped_at.')
 @planning
-def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None, start: Pose | None,
-           deadline: float | None, **options: Any) -> None:
+def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None, hold_at: float | None,
+           start: Pose | None, deadline: float | None, **options: Any) -> None:
     """Plan the gripper poses that thread the free end through cut-outs.
 
     CONFIG is a YAML file of parameters, as for the node, or copper_wire, rubber_hose,
@@ -156,6 +160,7 @@ def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None, start:
       dlo-planner thread rubber_hose --hole 0,0,1 -o plan.gif -o gripper.poses.json    for MoveIt
       dlo-planner thread rubber_hose --hole 0,0,1 --start -0.8,0,1 -p threading.standoff=-1 \\
           --prove
+      dlo-planner thread rubber_hose --hole 0,0,1 --hold-at 0.4
 
     Exit code 3: there is no such plan (the reason is said, with the waypoint, the constraint and
     the amount), or with --prove it is not safe.
@@ -165,6 +170,9 @@ def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None, start:
         radius = number('--radius', radius, above=0, unit='m')
     else:
         radius = dlo.values['cutouts.radius'] or None  # 0: not known
+    if hold_at is not None:
+        dlo = dlo._replace(values={**dlo.values, 'rod.grasped_at': number(
+            '--hold-at', hold_at, minimum=0, below=dlo.direct.rod.length, unit='m')})
     cutouts = [CutOut(pose, radius=radius) for pose in holes]
     _finish(dlo, _planned(dlo, threading_of(cutouts), start, deadline), **options)
 
@@ -397,6 +405,7 @@ def identify(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pos
     """
     checked(outputs, ('.yaml', '.csv'))
     values, direct = dlo
+    refuse_grasped(values, 'identify')
     observed = read_observations(observations, grippers, unit)
     with Bar('searches') as bar:
         fit = fit_rod(direct.rod, observed, names, noise=noise, progress=bar,
@@ -474,6 +483,7 @@ def map_cutouts(dlo: Described, outputs: tuple[Path, ...], jobs: int, axis: str,
     """
     checked(outputs, _MAP_ENDINGS)
     values, direct = dlo
+    refuse_grasped(values, 'map')
     places = np.stack(np.meshgrid(ranges['x'], ranges['y'], ranges['z'], indexing='ij'), axis=-1)
     grid = CellGrid(places.reshape(-1, 3), ranges['directions'], ranges['radii'])
     workers = None if jobs == 1 else partial(ProcessPoolExecutor, jobs,

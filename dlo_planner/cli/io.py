@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, cast
 import click
 import numpy as np
 
+from dlo_planner.direct.grasp import Simulator
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -27,7 +28,7 @@ from dlo_planner.model.plain_poses import pose_of, pose_of_numbers
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import doubts
 from dlo_planner.plan.plan import Plan
-from dlo_planner.settings.build import direct_of
+from dlo_planner.settings.build import direct_of, grasped_of
 from dlo_planner.settings.looks import read_observations  # noqa: F401  (part of what files say)
 from dlo_planner.settings.yaml_files import read_values, read_yaml, yaml_of
 from dlo_planner.trajectory.trajectory import Trajectory
@@ -89,7 +90,12 @@ class Described(NamedTuple):
     """What CONFIG and its options describe."""
 
     values: dict[str, Any]  # Values of all parameters
-    direct: DirectSimulator
+    direct: DirectSimulator  # of the DLO held at its beginning
+
+    @property
+    def held(self) -> Simulator:
+        """The simulator of the DLO held where the parameter rod.grasped_at says."""
+        return grasped_of(self.values, self.direct) or self.direct
 
     @property
     def rod_line(self) -> str:

@@ -35,7 +35,7 @@ from dlo_planner.model.checks import (
 )
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, shifted
-from dlo_planner.model.rod import Rod, Surface
+from dlo_planner.model.rod import BACK, Rod, Surface
 from dlo_planner.model.section import Section
 from dlo_planner.model.supports import FarEnd, Surroundings, distance, spans
 from dlo_planner.model.value import Constant, Value, brief, freeze, owned, put
@@ -456,7 +456,7 @@ class Shape(Pictured):
         history = None if self.history is None else self.history.resampled(s)
         return replace(self, s=s, positions=np.array([pose.position for pose in poses]),
                        frames=np.array([pose.rotation for pose in poses]),
-                       element_strains=mapped(self.s, self.element_strains, s),
+                       element_strains=mapped(self.s, self.element_strains, s), parts=None,
                        state=State(history=history, estimate=Constant(self.error_estimate)))
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -582,6 +582,8 @@ class Shape(Pictured):
         Of elements and nodes: where it is clamped a DLO is bent more than in any element's middle.
         nan without a limit: nothing was looked at.
         """
+        if self.parts is not None:  # both are clamped by the gripper, and bent by it on their own
+            return float(np.min([part.bend_margin for part in self.parts]))
         limit = None if self.rod is None else self.rod.max_bend_curvature
         if limit is None:
             return np.nan
@@ -628,6 +630,9 @@ class Shape(Pictured):
         mesh = self.state.mesh
         if mesh is None:
             raise InvalidTask('this shape does not know its rod: expected one from a simulator')
+        if self.parts is not None:  # each with its own permanent set
+            back, on = (part.bent for part in self.parts)
+            return np.vstack([back[::-1] * BACK, on])
         return self.element_strains - mesh.stress_free(self.state.history)
 
     @property
@@ -715,6 +720,9 @@ def largest_in_elements(shape: Shape, measure: Callable[[Floats], Floats]) -> Fl
 
     Of each element's middle and both its ends: at a clamp that is more than in any middle.
     """
+    if shape.parts is not None:  # both are clamped by the gripper
+        back, on = (largest_in_elements(part, measure) for part in shape.parts)
+        return np.concatenate([back[::-1], on])
     bent = shape.bent
     ends = measure(_at_nodes(shape.s, bent))
     result: Floats = np.maximum(measure(bent), np.maximum(ends[:-1], ends[1:]))
@@ -744,9 +752,6 @@ def _radii(surface: Surface, s: Floats) -> Floats:
 
 def _radii_of(shape: Shape) -> Floats | None:
     """Return the `_radii` of a Shape; None where it has none."""
-    if shape.parts is not None:  # of one grasped inside, the first runs against its arc length
-        back, on = (_radii_of(part) for part in shape.parts)
-        return None if back is None or on is None else np.concatenate([back[::-1], on])
     if shape.rod is None or shape.rod.radius is None:
         return None
     return _radii(Surface.of(shape.rod), shape.s)
@@ -816,7 +821,8 @@ def carried(shape: Shape, displacement: Floats) -> Shape:
     """Return what `Shape.moved` does, of an array (3,); what it touches has to be carried, too."""
     if shape.state.mesh is not None:
         check_movable(shape.state.mesh.surroundings)
-    return replace(shape, gripper=shifted(shape.gripper, displacement),
+    parts = shape.parts and tuple(carried(part, displacement) for part in shape.parts)
+    return replace(shape, gripper=shifted(shape.gripper, displacement), parts=parts,
                    positions=shape.positions + displacement,
                    energy=shape.energy + float(displacement @ shape.gripper_wrench[:3]))
 
@@ -872,6 +878,7 @@ def _linearized(shape: Shape, name: str = 'shape') -> Linearized:
 
 _ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
 _PAST = 'past_'
+_PARTS = 'back', 'front'  # of a DLO grasped inside
 _NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', 'converged',
             'jumped', 'evaluations', 'violation', 'dissipated')
 
@@ -886,6 +893,8 @@ def pack(shape: Shape) -> dict[str, Any]:
         packed |= {'far_end': pose_row(shape.far_end.pose), 'far_grip': shape.far_end.grip}
     packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
+    if shape.parts is not None:
+        packed |= {name: pack(part) for name, part in zip(_PARTS, shape.parts, strict=True)}
     if shape.state.history is not None:
         packed |= {_PAST + name: array for name, array in shape.state.history.packed().items()}
     return packed
@@ -903,7 +912,9 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     values = {name: stored[name] for name in _ARRAYS}
     values |= {name: stored[name].item() for name in _NUMBERS}
     passed = float(stored.get('passed_itself', np.nan))  # 1, 0, or nan
+    parts = tuple(unpack(stored[name]) for name in _PARTS) if _PARTS[0] in stored else None
     return Shape(gripper=pose_of_row(stored['gripper']), contacts=contacts, far_end=far_end,
+                 parts=parts,
                  passed_itself=bool(passed) if passed in (0.0, 1.0) else np.nan,
                  state=State(history=history, estimate=Constant(float(stored['error_estimate']))),
                  **values)

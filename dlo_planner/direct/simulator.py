@@ -284,6 +284,42 @@ class DirectSimulator(Value):
         """
         return self._with(self.surroundings.of_rod(rod), None)
 
+    def part(self, at: float, direction: int) -> Self:
+        """Return a simulator of the part from `at` to one end, held at `at`, all else equal.
+
+        It knows nothing of the other part, and finds its own mesh: as many elements, or as exact.
+
+        Parameters
+        ----------
+        at : float
+            Where it is held, m from the DLO's beginning, 0 < at < length.
+        direction : int
+            1 to the end, -1 to the beginning: then against the arc length.
+
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense, or the DLO has a permanent set, which stays on its mesh.
+        """
+        at = number('at', at, above=0, below=self.rod.length)
+        if not integer('direction', direction, minimum=-1, maximum=1):
+            raise InvalidTask(f'direction = {shown(direction)}: expected 1, to the end, or -1, to '
+                              'the beginning')
+        around = self.surroundings.part(at, direction)
+        if self._history is not None:  # it stays on its mesh
+            raise InvalidTask('simulator: expected one without a permanent set (`reset`) where a '
+                              f'part of its DLO is held, at {at:g} m')
+        first = self._discretization
+        mesh = Discretization(around, even_mesh(around.rod.length, first.s.size - 1, around.breaks),
+                              first.basis, first.n_terms)
+        if self.accuracy is None:
+            return self._changed(surroundings=around, _discretization=mesh)
+        if self._asked:
+            return self._changed(surroundings=around,
+                                 _discretization=first_mesh(around, self._fine))
+        return self._changed(surroundings=around, _discretization=mesh,
+                             accuracy=default_accuracy(mesh))
+
     def _with(self, surroundings: Surroundings, history: Memory | None) -> Self:
         share = surroundings.rod.length / self.rod.length
         return self._changed(

@@ -5,6 +5,7 @@
 In a closed loop, whose motions are corrected, and in open loop, where one can only stop.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -163,15 +164,21 @@ class Aimed(NamedTuple):
 
 def aimed_anew(inverse: InverseSimulator, estimate: Estimate, plan: Plan, way: Steered,
                free: float, reached: Floats, before: Correction | None, largest: float,
-               lag: float, against: str = '') -> Aimed:
+               lag: float, against: str = '',
+               behind: Callable[[Estimate, Correction], str] | None = None) -> Aimed:
     """Return the rest of a motion, Aimed anew for an estimate: in the closed loop and without it.
+
+    `behind` says in words what speaks against a Correction beside what is estimated.
 
     Shapes: reached (n,).
     """
     first = int(np.searchsorted(reached, free))
     known = before if before is not None and before.converged else None
     found = correct(estimate, plan, first, known, inverse=inverse)
-    return Aimed(found, against or rejection_reason(found, largest), *(
+    doubts = against or rejection_reason(found, largest)
+    if not doubts and behind is not None:
+        doubts = behind(estimate, found)
+    return Aimed(found, doubts, *(
         miss_bound(estimate, plan, one, reached, free, lag)
         for one in (way.corrected(free, found, reached[first:]), way)))
 

@@ -16,25 +16,32 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dlo_planner.direct.grasp import GraspedInside, Simulator
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.execute.correction_checks import miss_bound, obstacles_around
 from dlo_planner.execute.limiter import used
+from dlo_planner.identify.correction import Correction
 from dlo_planner.identify.estimate import Estimate, way_between
 from dlo_planner.identify.estimator import Swing
 from dlo_planner.identify.online_trajectory import NARROWEST, WIDEST, Change, Steered, step_response
 from dlo_planner.identify.vibration import FreeVibration
+from dlo_planner.inverse.held_inside import front_of
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.approach import Approach
 from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
 from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.move_to import MoveTo
+from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod, Surface, followed_by
 from dlo_planner.plan.builder import PlanBuilder, build_plan
+from dlo_planner.plan.clearance import Bodies, sheet_of
 from dlo_planner.plan.continuity import apart, same
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import (
@@ -133,6 +140,67 @@ class LoopTask:
         return not (self.touches or isinstance(self.task, Insert))
 
     @property
+    def hold_at(self) -> float | None:
+        """Where the gripper holds the DLO inside, m: what is in front is estimated. None: not."""
+        return self.task.hold_at if isinstance(self.task, Thread) else None
+
+    @cached_property
+    def front(self) -> InverseSimulator:
+        """The InverseSimulator of what is estimated: of the part in front of the gripper."""
+        if self.hold_at is None:
+            return self.inverse
+        return InverseSimulator(self.inverse.simulator.part(self.hold_at, 1),
+                                workspace=self.inverse.workspace,
+                                allow_plastic=self.inverse.requirements.allow_plastic)
+
+    def rod(self, estimate: Estimate) -> Rod:
+        """Return the whole Rod, its part behind the gripper as stated."""
+        if self.hold_at is None:
+            return estimate.rod
+        return followed_by(self.inverse.simulator.rod, self.hold_at, estimate.rod)
+
+    def simulator(self, estimate: Estimate) -> Simulator:
+        """Return the simulator of the whole estimated DLO, without obstacles."""
+        if self.hold_at is None:
+            return estimate.simulator
+        free = self.inverse.simulator.without_obstacles().with_rod(self.rod(estimate))
+        return GraspedInside.of(free, self.hold_at)
+
+    def estimated(self, plan: Plan) -> Plan:
+        """Return the part of a Plan that is of the estimated DLO: of what is in front."""
+        if self.hold_at is None:
+            return plan
+        return front_of(plan, Surface.of(self.front.simulator.rod))
+
+    def hanging(self, estimate: Estimate, here: Pose) -> list[tuple[Shape, Surface]]:
+        """Return the Shapes of the DLO's parts in a measured gripper, each with its Surface."""
+        simulator, front = self.simulator(estimate), estimate.shape(here)
+        shapes = [(front, Surface.of(self.front.simulator.rod))]
+        if isinstance(simulator, GraspedInside):
+            back, = simulator.behind([estimate.actual(here)])
+            shapes.append((back, Surface.of(simulator.parts[0].rod)))
+        return shapes
+
+    def behind(self, estimate: Estimate, correction: Correction) -> str:
+        """Return in words what the part behind the gripper comes into, corrected; '' if nothing."""
+        simulator = self.simulator(estimate)
+        if isinstance(simulator, DirectSimulator):
+            return ''
+        shapes = simulator.behind([estimate.actual(pose) for pose in correction.grippers])
+        cutouts = [estimate.moved_cutout(one) for one in cutouts_of(self.task)]
+        around = estimate.moved_obstacles(self.inverse.simulator.obstacles, np.array(
+            [one.center for one in cutouts_of(self.task)]))
+        length = simulator.rod.length
+        sheets = [(sheet, np.array(one.normal)) for one in cutouts
+                  if (sheet := sheet_of(one, length, around)) is not None]
+        surface = Surface.of(simulator.parts[0].rod)
+        room = Bodies(sheets, around, surface).least(shapes)
+        if any(not shape.converged or shape.jumped for shape in shapes):
+            return 'the part of the DLO behind the gripper would fall into another shape'
+        return '' if not room < 0 else (
+            f'the part of the DLO behind the gripper would be {-room:.3g} m in what is around')
+
+    @property
     def room(self) -> float:
         """By how much the DLO may miss a place without touching a sheet, m."""
         if self.touches and self.most_off is not None:
@@ -177,7 +245,7 @@ class LoopTask:
     def ways(self, estimate: Estimate, here: Pose, standoff: float) -> tuple[Plan, Plan]:
         """Return the way to the entry, and on from there, in true poses of the estimated DLO."""
         known, start = self.inverse, estimate.actual(here)
-        simulator = known.simulator.with_rod(estimate.rod)
+        simulator = known.simulator.with_rod(self.rod(estimate))
         if not self.touches:  # the obstacle that is touched stands where it is stated
             simulator = simulator.with_obstacles(estimate.moved_obstacles(
                 simulator.obstacles, np.array([one.center for one in cutouts_of(self.task)])))
@@ -319,7 +387,8 @@ def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float | None, l
     way, through = task.ways(estimate, here, 0.0)
     task = task.of_plan(through)
     most = task.room_at_rest if most is None else most
-    whole, commanded = concatenate(replace(way, stops=()), through), commanded_of(through, estimate)
+    whole = concatenate(replace(way, stops=()), through)
+    commanded = commanded_of(task.estimated(through), estimate)
     there = [shape for shape in whole.shapes if shape.far_end is None and not shape.contacts][-1]
 
     def bound_in(way: Steered, lag: float = lag) -> float:
@@ -340,7 +409,8 @@ def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float | None, l
     tolerance = max(LEAST_FOR_MOTION * task.room,
                     min(_OF_SPARE * spare, spare - left - _FOR_CORRECTIONS * task.room))
     trajectory = _trajectory(task, whole, tolerance, limits)
-    motion = GripperMotion(estimate, trajectory, there, swing_of(trajectory, estimate, whole))
+    swing = swing_of(trajectory, estimate, task.estimated(whole))
+    motion = GripperMotion(estimate, trajectory, there, swing)
     bound = bound_in(motion.steered)
     return Entry(estimate, bound, whole, commanded, None if bound > most else motion)
 
@@ -359,7 +429,8 @@ def way_back(task: LoopTask, estimate: Estimate, poses: Sequence[Pose],
     """
     for count in _BACK:
         some = _evenly(poses, count)
-        shapes = estimate.simulator.track([estimate.actual(pose) for pose in some], initial=known)
+        shapes = task.simulator(estimate).track([estimate.actual(pose) for pose in some],
+                                                initial=known)
         plan = build_plan([Waypoint(shape) for shape in shapes], np.zeros(len(shapes)),
                           task.limits.sizes[0], PlanStatus.COMPLETE)
         off = _off(GripperPath.of(plan), [estimate.actual(pose) for pose in poses],
@@ -416,7 +487,7 @@ def _trajectory(task: LoopTask, plan: Plan, tolerance: float, limits: Limits) ->
 def _motion(task: LoopTask, estimate: Estimate, plan: Plan) -> GripperMotion:
     trajectory = _trajectory(task, plan, task.tolerance, task.motion_limits)
     return GripperMotion(estimate, trajectory, plan.shapes[-1],
-                         swing_of(trajectory, estimate, plan), task.planned_room)
+                         swing_of(trajectory, estimate, task.estimated(plan)), task.planned_room)
 
 
 def swing_of(trajectory: Trajectory, estimate: Estimate, plan: Plan) -> Swing:

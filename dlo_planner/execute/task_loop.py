@@ -46,7 +46,6 @@ from dlo_planner.identify.estimator import DloEstimator
 from dlo_planner.identify.online_trajectory import Steered
 from dlo_planner.identify.vibration import ONE_PERIOD, STATED, FreeVibration
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.requirements import Limits
 
@@ -333,10 +332,9 @@ class TaskLoop:
                            farthest)
         workspace = task.inverse.workspace
         poses = found.way.poses(np.arange(0.0, found.way.duration + period, period))
-        shape, surface = self.observing.estimate.shape(self._here), Surface.of(
-            task.inverse.simulator.rod)
+        shapes = task.hanging(self.observing.estimate, self._here)
         free = all(clearance([body], surface, shape) > farthest + seen.amplitude
-                   for body in obstacles_around(task.inverse))
+                   for shape, surface in shapes for body in obstacles_around(task.inverse))
         inside = workspace is None or min(workspace.min_margin(pose)[1] for pose in poses) >= 0
         if not (free and inside):
             return None
@@ -557,8 +555,9 @@ class TaskLoop:
             if first < len(entry.commanded):
                 observing = self.observing
                 self._work = partial(
-                    aimed_anew, self._task.inverse, observing.estimate, entry.commanded, way,
+                    aimed_anew, self._task.front, observing.estimate, entry.commanded, way,
                     execution.free, entry.reached, self._correction,
                     observing.seeing.largest_correction, self._lag,
-                    misfit_reason(observing, self._task.limits.linear_speed))
+                    misfit_reason(observing, self._task.limits.linear_speed),
+                    self._task.behind)
         return None

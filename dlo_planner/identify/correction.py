@@ -220,7 +220,8 @@ class _Aim:
         length = estimate.uncertain.simulator.rod.length
         for shape in plan.shapes:
             s = shape.s[-1] / length - 1
-            if shape.state.mesh is None or s > _OTHER or s < -_OTHER and shape.far_end is None:
+            if shape.state.mesh is None or shape.parts is not None or s > _OTHER or (
+                    s < -_OTHER and shape.far_end is None):
                 raise InvalidTask('plan: expected shapes of the DLO that is estimated')
 
     def shape(self, index: int, guess: Shape) -> Shape | None:

@@ -482,7 +482,8 @@ class Estimate(Reported):
                 raise InvalidTask(f'waypoints = {shown(chosen)}: expected indices of waypoints '
                                   f'that pass a center, out of {shown(passing)}')
         for shape in (plan.shapes[k] for k in chosen):
-            if shape.state.mesh is None or abs(shape.s[-1] / length - 1) > _OTHER:
+            if shape.state.mesh is None or shape.parts is not None or (
+                    abs(shape.s[-1] / length - 1) > _OTHER):
                 raise InvalidTask('plan: expected shapes of the whole DLO that is estimated')
         if seen is not None and len(items('seen', seen, Pose)) != len(chosen):
             raise InvalidTask(f'seen has {len(seen)} entries: expected one for each waypoint, '

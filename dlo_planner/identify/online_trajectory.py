@@ -143,7 +143,9 @@ class Steered(Value):
         InvalidTask
             An argument makes no sense; the message names it, its value and what would be right.
         """
-        periods = 1 / instance('shape', shape, Shape).modes(_MODES).frequencies
+        parts = instance('shape', shape, Shape).parts or (shape,)  # of one that is held inside
+        periods = np.sort(1 / np.concatenate([part.modes(_MODES).frequencies
+                                              for part in parts]))[::-1]
         others = periods[periods * _DIFFERENT < periods[0]]
         windows = np.concatenate([periods[:1], others[:1] if others.size else periods[:1], [_EVEN]])
         return cls(trajectory, np.clip(windows, NARROWEST, WIDEST),

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
+from dlo_planner.direct.grasp import GraspedInside, grasped_at
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
@@ -137,7 +138,8 @@ class InverseSimulator(Value):
     def thread(self, cutout: CutOut, *, start: Pose | None = None, initial: Shape | None = None,
                depths: ArrayLike | None = None, method: str = 'coupled',
                gripper_clearance: float | None = None, as_deep_as_possible: bool = False,
-               max_misalignment: float | None = None, linear_speed: float = 0.1,
+               max_misalignment: float | None = None, hold_at: float | None = None,
+               linear_speed: float = 0.1,
                angular_speed: float = 0.5, progress: OnProgress = None,
                deadline: float | None = None) -> Plan:
         """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
@@ -178,6 +180,12 @@ class InverseSimulator(Value):
             Largest angle against the normal at which the DLO may pass, rad. With 0 it passes along
             the normal, or the task is refused. If None, any. A cut-out without a size is passed
             along its normal.
+        hold_at : float, optional
+            Where the gripper holds the DLO, m from its beginning, less than its length. The part in
+            front of the gripper is threaded, depths are of its free end and at most its length. The
+            part behind hangs from the gripper: it has to keep clear of the sheet, of obstacles and
+            of the part in front, at the waypoints and between, and it chooses nothing. If None or
+            0, at its beginning.
 
         Raises
         ------
@@ -185,7 +193,7 @@ class InverseSimulator(Value):
             Infeasible where a waypoint has no stable solution, or the gripper comes too near.
         """
         task = Thread(cutout, depths, method, gripper_clearance, as_deep_as_possible,
-                      max_misalignment)
+                      max_misalignment, hold_at)
         return self._shorthand(task, start, initial, linear_speed, angular_speed, progress,
                                deadline)
 
@@ -479,9 +487,12 @@ class InverseSimulator(Value):
         touching = any(shape.contacts for shape in instance('plan', plan, Plan).shapes)
         instance('progress', progress, Progress, optional=True)
         instance('requirements', requirements, Requirements, optional=True)
-        return PlanContext(self._given, self.simulator, touching=touching,
-                           requirements=requirements or self.requirements,
-                           progress=progress or Progress()).demands
+        judge = PlanContext(self._given, self.simulator, touching=touching,
+                            requirements=requirements or self.requirements,
+                            progress=progress or Progress()).demands
+        at = grasped_at(plan.shapes[0]) if len(plan) else None
+        return judge if at is None else judge.made_with(
+            GraspedInside.of(self.simulator.without_obstacles(), at))
 
     def _shorthand(self, task: Task, start: Pose | None, initial: Shape | None,
                    linear_speed: float, angular_speed: float, progress: OnProgress,

@@ -24,6 +24,7 @@ from dlo_planner.model.varying import (
     Along,
     AlongRod,
     Extended,
+    Followed,
     Mapped,
     is_row,
     pair,
@@ -585,3 +586,22 @@ def part_of_rod(rod: Rod, at: float, direction: int) -> Rod:
                    natural_curvature=Mapped(curvature, signs, at, direction)
                    if callable(curvature) else tuple(signs * curvature), **changed)
     return _profiled(part, rod, at) if direction > 0 else part
+
+
+def followed_by(rod: Rod, at: float, end: Rod) -> Rod:
+    """Return the Rod that is `rod` up to `at` (m), and `end` from there on: see `part_of_rod`.
+
+    What holds for all of it, as limits and damping, is that of `rod`; a Section that of `end`.
+    """
+    changed: dict[str, Any] = {}
+    for name in ('mass_per_length', 'natural_curvature', 'natural_twist', 'bending_stiffness',
+                 'torsional_stiffness', 'radius'):
+        one, other = getattr(rod, name), getattr(end, name)
+        if callable(one) or callable(other) or one != other:
+            changed[name] = Followed(one, at, other)
+    return replace(
+        rod, length=at + end.length, tip_mass=end.tip_mass, section=end.section,
+        section_model=end.section_model,
+        point_masses=(*((s, mass) for s, mass in rod.point_masses if s < at),
+                      *((at + s, mass) for s, mass in end.point_masses)),
+        nodes=(*(s for s in rod.nodes if s < at), *(at + s for s in end.nodes)), **changed)

@@ -148,6 +148,27 @@ class Extended(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Followed(Value):
+    """A number, pair or function of s up to `end` (m), and another one of the distance beyond."""
+
+    base: Along
+    end: float
+    beyond: Along
+
+    @property
+    def breaks(self) -> Floats:
+        """(n,) arc lengths where it is known to jump, m."""
+        first = breaks_of(self.base)
+        return np.concatenate([first[first < self.end], [self.end],
+                               self.end + breaks_of(self.beyond)])
+
+    def __call__(self, s: float) -> Any:
+        """Return the value at `s` (m)."""
+        content, at = (self.beyond, s - self.end) if s >= self.end else (self.base, s)
+        return content(at) if callable(content) else content
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Expanded(Value):
     """A number, pair or function of s, plus a series of Legendre polynomials on [0, length]."""
 

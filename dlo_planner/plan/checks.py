@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dlo_planner.direct.grasp import Simulator
 from dlo_planner.direct.shape import Shape, in_itself, largest_in_elements
-from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
@@ -79,7 +79,7 @@ class Judge:
     allow_plastic: bool = True  # whether it may
     # DirectSimulator without obstacles that finds the DLO's shapes between the waypoints. If None,
     # the DLO is checked at the waypoints only
-    simulator: DirectSimulator | None = None
+    simulator: Simulator | None = None
     tolerance: float | None = None  # largest position error of a waypoint, m. If None, any
     stability: float = -np.inf  # least stability of a waypoint
     # least force with which the DLO presses on the obstacle `pressed` at a waypoint, N
@@ -98,7 +98,7 @@ class Judge:
         """Return the same demands for a search, whose steps are not reported."""
         return replace(self, progress=self.progress.silent())
 
-    def made_with(self, simulator: DirectSimulator) -> Judge:
+    def made_with(self, simulator: Simulator) -> Judge:
         """Return the same demands, the shapes between waypoints from another simulator."""
         return self if self.simulator is None else replace(self, simulator=simulator)
 

@@ -10,11 +10,13 @@ from typing import TypeVar
 import numpy as np
 
 from dlo_planner.direct.continuation import shape_change
+from dlo_planner.direct.grasp import Simulator
 from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.supports import FarEnd
 
 _Number = TypeVar('_Number', float, Floats)
 _QUIET = 0.1   # rad: a change of shape, besides the gripper's turn, that needs no second look
@@ -56,7 +58,7 @@ def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float
     return length * max(0.0, turn - largest_turn(step), shift - largest_shift(step))
 
 
-def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape) -> Shape | None:
+def discontinuity(simulator: Simulator, before: Shape | None, shape: Shape) -> Shape | None:
     """Return the Shape that is found when the gripper goes to that of `shape`; None if it is that.
 
     The direct simulation decides where the shape changes more than the gripper's turn causes, or is
@@ -72,7 +74,7 @@ def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape
     return None if reached.converged and not reached.jumped and same(reached, shape) else reached
 
 
-def passes_itself(simulator: DirectSimulator | None, before: Shape, shape: Shape) -> bool:
+def passes_itself(simulator: Simulator | None, before: Shape, shape: Shape) -> bool:
     """Return whether the DLO would pass through itself on the way from a Shape to the next.
 
     Where the straight way of its nodes does, a direct simulation of shorter ways decides; without
@@ -82,8 +84,15 @@ def passes_itself(simulator: DirectSimulator | None, before: Shape, shape: Shape
         return False
     if simulator is None or any(one.s[-1] != simulator.rod.length for one in (before, shape)):
         return True
-    reached = simulator.track([shape.gripper], initial=before, far_ends=[shape.far_end])[0]
+    reached = followed(simulator, before, shape.gripper, shape.far_end)
     return not (reached.converged and reached.passed_itself is False)
+
+
+def followed(simulator: Simulator, before: Shape, gripper: Pose, far_end: FarEnd | None) -> Shape:
+    """Return the Shape in which a DLO follows its grips from the Shape before."""
+    if isinstance(simulator, DirectSimulator):
+        return simulator.track([gripper], initial=before, far_ends=[far_end])[0]
+    return simulator.track([gripper], initial=before)[0]
 
 
 def _follows(before: Shape, shape: Shape, change: float) -> bool:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, TypeAlias, overload
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.grasp import grasped_at
 from dlo_planner.direct.shape import Shape, carried, pack, unpack
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.errors import InvalidTask
@@ -234,8 +235,9 @@ class Plan(Filmed):
         """
         return tuple(tuple(goal for center, s, along in points for goal in (
             PositionAt(s, center), *(() if along is None else (DirectionAt(s, along),))))
-            or (FrameAt(0.0, gripper),)
-            for points, gripper in zip(self.via_points, self.grippers, strict=True))
+            or (FrameAt(grasped_at(shape) or 0.0, gripper),)
+            for points, gripper, shape in zip(self.via_points, self.grippers, self.shapes,
+                                              strict=True))
 
     @property
     def position_errors(self) -> list[list[float]]:
@@ -322,8 +324,11 @@ class Plan(Filmed):
         return float(rating(self.clearances[waypoints].min(axis=(1, 2)), margins, room).min())
 
     def _margin_at(self, k: int) -> float:
-        return least_margin(self.uncertainty, self.shapes[k],
-                            [s for _, s, _ in self.via_points[k]], self.clearances[k])
+        shape, at = self.shapes[k], grasped_at(self.shapes[k]) or 0.0
+        if shape.parts is not None:
+            shape = shape.parts[1]  # in front of the gripper
+        return least_margin(self.uncertainty, shape, [s - at for _, s, _ in self.via_points[k]],
+                            self.clearances[k])
 
     @property
     def bend_margin(self) -> Floats:

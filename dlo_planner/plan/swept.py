@@ -36,14 +36,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.grasp import Simulator
 from dlo_planner.direct.shape import Shape, kernel_arrays
-from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.checks import Judge, Margin
 from dlo_planner.plan.clearance import Bodies, SheetSide
+from dlo_planner.plan.continuity import followed
 from dlo_planner.plan.path import GripperPath, Leg
 
 _HALVINGS = 7   # of the way between two waypoints
@@ -94,7 +95,7 @@ def _look(bodies: Bodies, u: float, shape: Shape, least: float) -> _Look:
 class _Sweep:
     """Checks a path, leg by leg, between the waypoints."""
 
-    def __init__(self, path: GripperPath, bodies: Bodies, simulator: DirectSimulator) -> None:
+    def __init__(self, path: GripperPath, bodies: Bodies, simulator: Simulator) -> None:
         self._path, self._bodies, self._simulator = path, bodies, simulator
 
     def broken(self, shapes: Sequence[Shape], known: Sequence[float] | None,
@@ -150,9 +151,8 @@ class _Sweep:
         """Return the Look half way between two and None, or None and what a jump breaks."""
         u = 0.5 * (one.u + other.u)
         (position,), (rotation,) = leg.poses(np.array([u]))
-        held = None if one.shape.far_end is None else [one.shape.far_end]
-        shape = self._simulator.track([Pose.from_rotation(position, rotation)],
-                                      initial=one.shape, far_ends=held)[0]
+        shape = followed(self._simulator, one.shape, Pose.from_rotation(position, rotation),
+                         one.shape.far_end)
         if shape.converged and not shape.jumped:
             return _look(self._bodies, u, shape, self._bodies.exact(shape)), None
         away = float(np.linalg.norm(shape.positions[-1] - one.shape.positions[-1]))

@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.correction_checks import (
@@ -91,7 +92,8 @@ class Estimator(Part):
             observing = self._observing_of(state)
             if observing is None or not observing.due(stamp):
                 return
-            points = points_in(state.scene, msg, 'observed_points', self.frames)
+            points = in_front(state.shape, points_in(state.scene, msg, 'observed_points',
+                                                     self.frames))
             try:
                 estimate = self._look(observing, stamp, points)
             finally:  # what no equilibrium explains is a disagreement as well
@@ -152,8 +154,9 @@ class Estimator(Part):
         scene = state.scene
         known, observing, resets = self._at
         kept = state.executing and state.looking is not None  # by the closed loop
-        if known is None or not kept and (known.seeing, known.tool, known.direct.rod) != (
-                scene.seeing, scene.tool, scene.direct.rod):
+        if known is None or not kept and (
+                known.seeing, known.tool, known.observed.rod) != (
+                scene.seeing, scene.tool, scene.observed.rod):
             observing = observing_of(scene, list(self._grippers), self._identified)
             self._identified = None
         elif resets != state.resets and observing is not None:
@@ -169,10 +172,11 @@ class Estimator(Part):
             return
         self._moves_by = known
         assert proof.report is not None and proof.report.trajectory is not None  # it is safe
+        first = made.plan.shapes[0]
         with suppress(NotConverged):  # then it is expected at rest, and sways as it may
             observing.moves(Swing.of(
-                proof.report.trajectory, made.scene.direct.elastic().without_obstacles(),
-                made.plan.shapes[0]), self._time_at)
+                proof.report.trajectory, made.scene.observed.elastic().without_obstacles(),
+                first if first.parts is None else first.parts[1]), self._time_at)
 
     def _time_at(self, stamp: float) -> float:
         """Return the time of the motion, s, at a stamp; at rest after its end."""
@@ -203,6 +207,10 @@ class Estimator(Part):
     def _on_identify(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._turn, self.status.answering('identify', answer=response) as outcome:
             state = self.store.state
+            if state.scene.grasped is not None:
+                raise Refused(Cause.INVALID_PARAMETER, 'parameter rod.grasped_at = '
+                              f'{state.scene.grasped.at:g}: expected 0 for identify, the part in '
+                              'front of the gripper does not tell what the whole DLO is like')
             if state.executing:
                 raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or '
                               '~/cancel')
@@ -237,7 +245,7 @@ def judged_before_entry(made: PlanResult, execution: Execution,
     task = loop_task_of(made)
     if task is None or task.touches:  # what it misses where it touches is not predicted
         return np.nan, ''
-    miss, left = expected_miss(estimate, made.plan, execution)
+    miss, left = expected_miss(estimate, task.estimated(made.plan), execution)
     return miss if left > 0 else np.nan, stop_before_entry(miss, task.room, left)
 
 
@@ -250,11 +258,24 @@ def cutout_of(state: State) -> Floats | None:
     return centers[0]
 
 
+def in_front(shape: Shape | None, points: Floats) -> Floats:
+    """Return those of points (n, 3) that are nearer to what is in front of the gripper, m.
+
+    Of a DLO that is grasped inside, as it is predicted: the rest is not estimated.
+    """
+    if shape is None or shape.parts is None:
+        return points
+    back, front = (np.linalg.norm(points[:, None] - part.positions, axis=2).min(axis=1)
+                   for part in shape.parts)
+    result: Floats = points[front <= back]
+    return result
+
+
 def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],
                  known: Estimate | None) -> DloEstimator | None:
     """Return a new DloEstimator, None where the DLO cannot be observed or nothing is uncertain."""
     try:
-        made = DloEstimator(scene.direct, scene.seeing, known)
+        made = DloEstimator(scene.observed, scene.seeing, known)
     except InvalidTask:
         return None
     for stamp, pose in grippers:

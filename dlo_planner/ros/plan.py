@@ -26,6 +26,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError, Infeasible, InvalidTask
 from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of, threading_of
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
@@ -192,10 +193,9 @@ class PlanningServer(Part):
         """Plan, publish and return the trajectory of the tool frame as a Path."""
         self.store.change(lambda now: replace(now, task=task))
         begun, askers = monotonic(), self.askers()
-        if state.scene.grasped is not None:
-            raise Refused(Cause.INVALID_PARAMETER, 'parameter rod.grasped_at = '
-                          f'{state.scene.grasped.at:g}: expected 0 for a plan: of a DLO that is '
-                          'grasped inside shapes are predicted alone')
+        if state.scene.grasped is None and isinstance(task, Thread) and task.hold_at:
+            raise Refused(Cause.INVALID_PARAMETER, 'parameter rod.grasped_at = 0: expected '
+                          f'{task.hold_at:g}, where the task says that the gripper holds the DLO')
         if state.held_at(begun) is not None:
             raise Refused(Cause.FAR_END_HELD, 'far_end_pose: the far end is held: expected '
                           'far_end.hold = free, or no pose, for a plan')

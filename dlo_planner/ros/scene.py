@@ -68,15 +68,20 @@ class Scene:
         for body in bodies.values():
             solids[body.role].append(body.obstacle if body.friction is not None else replace(
                 body.obstacle, friction=values['obstacles.friction']))
-        direct = direct_of({**values, 'rod.grasped_at': 0.0}, solids['all'])
-        grasped = grasped_of(values, solids['all']) if values['rod.grasped_at'] else None
+        direct = direct_of(values, solids['all'])
         return cls(values, bodies, direct, inverse_of(values, direct, solids['workspace only']),
-                   grasped, Pose(values['tool.position'], values['tool.orientation']),
+                   grasped_of(values, direct),
+                   Pose(values['tool.position'], values['tool.orientation']),
                    _OPEN(values['task'], 'parameter task'), limits_of(values),
                    tolerance_of(values), _guards(values), _seeing(values))
 
     def __getitem__(self, name: str) -> Any:
         return self.values[name]
+
+    @property
+    def observed(self) -> DirectSimulator:
+        """The simulator of what is estimated: of the part in front where it is grasped inside."""
+        return self.direct if self.grasped is None else self.grasped.parts[1]
 
     @property
     def frame_id(self) -> str:

@@ -45,7 +45,7 @@ from dlo_planner.ros.plan import (
 from dlo_planner.ros.state import Looking, PlanResult, State, Store
 from dlo_planner.ros.status import Part, Shared, Statistics
 from dlo_planner.ros.worker import Worker, persistent
-from dlo_planner.settings.tasks import STANDOFF
+from dlo_planner.settings.tasks import STANDOFF, held_as_stated
 from dlo_planner.view.scene import axes_primitives
 from msg_helpers.diagnostics import OK, WARN, status_msg
 from msg_helpers.poses import pose_stamped_msg, stamp_text
@@ -67,7 +67,8 @@ def loop_task_of(made: PlanResult) -> LoopTask | None:
 
 def _loop_task(made: PlanResult) -> LoopTask:
     """Return the task of a plan for the closed loop; raise InvalidTask, which says why not."""
-    plan, scene, task = made.plan, made.scene, made.task
+    plan, scene = made.plan, made.scene
+    task = held_as_stated(made.task, scene['rod.grasped_at'])
     far, given = STANDOFF * scene.direct.rod.length, scene['threading.standoff']
     if isinstance(task, HoldContact | SlideContact):
         if not scene['contacts.tolerance']:

@@ -16,7 +16,7 @@ from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.fit import Fit
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, vector
+from dlo_planner.model.checks import choice, number, vector
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, with_plug
 from dlo_planner.model.supports import PointLoad
@@ -71,18 +71,29 @@ def idle_warnings(given: Iterable[str], section: str) -> list[str]:
 
 
 def direct_of(values: Values, obstacles: Iterable[Any] = ()) -> DirectSimulator:
-    """Return the DirectSimulator that parameter values describe."""
-    if values['rod.grasped_at']:
-        raise InvalidTask(f'parameter rod.grasped_at = {values["rod.grasped_at"]:g}: expected 0 '
-                          'here: only the node predicts shapes of a DLO that is grasped inside')
+    """Return the DirectSimulator that parameter values describe, of the DLO held at its beginning.
+
+    `grasped_of` holds it where `rod.grasped_at` says.
+    """
     rod, options = _described(values)
     return DirectSimulator(rod, obstacles=obstacles, **options)
 
 
-def grasped_of(values: Values, obstacles: Iterable[Any] = ()) -> GraspedInside:
-    """Return the GraspedInside of values with rod.grasped_at, as `direct_of` does without."""
-    rod, options = _described(values)
-    return GraspedInside(rod, values['rod.grasped_at'], obstacles=obstacles, **options)
+def grasped_of(values: Values, direct: DirectSimulator) -> GraspedInside | None:
+    """Return the GraspedInside of a DirectSimulator's DLO, None without rod.grasped_at."""
+    at = values['rod.grasped_at']
+    if not at:
+        return None
+    return GraspedInside.of(direct, number('parameter rod.grasped_at', at, above=0,
+                                           below=direct.rod.length))
+
+
+def refuse_grasped(values: Values, what: str) -> None:
+    """Raise InvalidTask where rod.grasped_at is not 0, but has to be for `what`."""
+    at = values['rod.grasped_at']
+    if at:
+        raise InvalidTask(f'parameter rod.grasped_at = {at:g}: expected 0 for {what}, which knows '
+                          'of no DLO that is grasped inside')
 
 
 def _described(values: Values) -> tuple[Rod, dict[str, Any]]:

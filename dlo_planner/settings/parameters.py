@@ -76,8 +76,8 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'rod.plug.mass': (0.0, 'Its mass, kg.', 0.0, 1000.0),
     'rod.plug.radius': (0.0, 'Its radius, m; 0 = as thick as the DLO.', 0.0, 1.0),
     'rod.grasped_at': (0.0, 'Where along the DLO the gripper holds it, m from its beginning, both '
-                            'ends free: shapes are predicted, plans refused; 0 = at its '
-                            'beginning.', 0.0, 100.0),
+                            'ends free: shapes are predicted, and what is in front of it is '
+                            'threaded through one cut-out; 0 = at its beginning.', 0.0, 100.0),
     'rod.damping': ([0.0, 0.0], 'Rayleigh damping in motion: 1/s times mass, s times stiffness.'),
     'rod.yield_stress': (0.0, 'Stress at which it yields (sections), Pa; 0 = never.', 0.0, 1e12),
     'rod.yield_curvature': ([0.0, 0.0], 'Curvatures about n and b at which it yields (section: '

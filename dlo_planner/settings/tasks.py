@@ -204,7 +204,9 @@ def plan_task(inverse: InverseSimulator, task: Task, values: Values, *,
 def _plan(inverse: InverseSimulator, task: Task, values: Values, start: Pose | None,
           initial: Shape | None, miss: float | None, progress: OnProgress) -> Plan:
     length, standoff = inverse.simulator.rod.length, values['threading.standoff']
-    task = _with_depths(task, values, length)
+    task = held_as_stated(task, values['rod.grasped_at'])
+    free = length - ((task.hold_at or 0.0) if isinstance(task, Thread) else 0.0)
+    task = _with_depths(task, values, free)
     options: dict[str, Any] = {'progress': progress, 'requirements': replace(
         inverse.requirements, limits=limits_of(values), tolerance=miss)}
     if isinstance(task, HoldContact | SlideContact) and standoff and start is not None:
@@ -234,8 +236,31 @@ def _plan(inverse: InverseSimulator, task: Task, values: Values, start: Pose | N
     return plan
 
 
+def held_as_stated(task: Task, at: float) -> Task:
+    """Return a task of a DLO that the gripper holds at `at`, m from its beginning, if not at 0.
+
+    Raises
+    ------
+    InvalidTask
+        Such a task is not planned, or says that it is held elsewhere.
+    """
+    if not at:
+        return task
+    if not isinstance(task, Thread):
+        raise InvalidTask(f'parameter rod.grasped_at = {at:g}: expected 0 for the plan of a '
+                          f'{type(task).__name__}: of a DLO that is grasped inside, a Thread alone '
+                          'is planned')
+    if task.hold_at not in (None, at):
+        raise InvalidTask(f'hold_at = {task.hold_at:g}: expected none, or rod.grasped_at = {at:g}, '
+                          'where the gripper holds the DLO')
+    return replace(task, hold_at=at)
+
+
 def _with_depths(task: Task, values: Values, length: float) -> Task:
-    """Return a task with the depths of the parameters, if it has none of its own."""
+    """Return a task with the depths of the parameters on what is `length` m long before the hole.
+
+    If it has none of its own.
+    """
     if not isinstance(task, Thread | ThreadTwo | ThreadSequence | Insert) or (
             task.depths is not None):
         return task

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from dlo_planner.blas import one_thread
+from dlo_planner.direct.grasp import Simulator, held_at
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
@@ -42,7 +43,7 @@ _ELEMENTS = 32   # of the DLO whose modes are looked at
 _WRONG = (0.9, 1.1)  # factors of the stiffness with which a DLO is calm, too
 
 
-def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits: Limits,
+def leg_tasks(simulator: Simulator, plan: Plan, path: GripperPath, limits: Limits,
               first: Shape, check: Callable[[], None]) -> list[LegTask | None]:
     """Return a LegTask for each leg of a path; None for a dwell, or where modes are not known."""
     quick, bore = _quick(simulator), held_after(plan)
@@ -69,7 +70,7 @@ def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits:
     return tasks
 
 
-def _wrong(simulator: DirectSimulator, factor: float, response: Response, leg: Leg,
+def _wrong(simulator: Simulator, factor: float, response: Response, leg: Leg,
            begins: dict[float, Shape], check: Callable[[], None]) -> Response:
     """Return the Response of a DLO whose stiffness is wrong by a factor, at the same parameters.
 
@@ -88,19 +89,20 @@ def _wrong(simulator: DirectSimulator, factor: float, response: Response, leg: L
     return response.faster(np.sqrt(factor))
 
 
-def _with_stiffness(simulator: DirectSimulator, factor: float) -> DirectSimulator:
+def _with_stiffness(simulator: Simulator, factor: float) -> Simulator:
     rod = simulator.rod
     return simulator.with_rod(replace(
         rod, bending_stiffness=scaled(rod.bending_stiffness, factor),
         torsional_stiffness=scaled(rod.torsional_stiffness, factor)))
 
 
-def _quick(simulator: DirectSimulator) -> DirectSimulator:
-    """Return a DirectSimulator of the same DLO on a fixed, coarse mesh, for its modes."""
+def _quick(simulator: Simulator) -> Simulator:
+    """Return a simulator of the same DLO on a fixed, coarse mesh, for its modes."""
     around = simulator.surroundings
-    return DirectSimulator(around.rod, n_elements=_ELEMENTS, basis='local', gravity=around.gravity,
-                           load=around.load, point_loads=around.point_loads,
-                           obstacles=around.obstacles)
+    quick = DirectSimulator(around.rod, n_elements=_ELEMENTS, basis='local', load=around.load,
+                            gravity=around.gravity, point_loads=around.point_loads,
+                            obstacles=around.obstacles)
+    return quick if isinstance(simulator, DirectSimulator) else held_at(quick, simulator.at)
 
 
 _ROUNDS = 7         # of aiming lower
@@ -119,7 +121,7 @@ class CalmSearch:
     plan: Plan
     fastest: TimedPath  # within limits alone
     tolerance: float  # tolerance in m
-    simulator: DirectSimulator  # that verifies
+    simulator: Simulator  # that verifies
     begin: Shape  # at the beginning
     obstacles: tuple[Obstacle, ...]  # obstacles from which the DLO has to stay away
     progress: Progress
@@ -131,7 +133,7 @@ class CalmSearch:
         self._missed_by = _Missed()
 
     @cached_property
-    def _simulators(self) -> list[DirectSimulator]:
+    def _simulators(self) -> list[Simulator]:
         """Without any damping, and with the rod's."""
         rod = self.simulator.rod
         if not np.any(rod.damping):
@@ -139,7 +141,7 @@ class CalmSearch:
         return [self.simulator.with_rod(replace(rod, damping=0.0)), self.simulator]
 
     @cached_property
-    def _free(self) -> DirectSimulator:
+    def _free(self) -> Simulator:
         """The simulator, without the obstacles that the DLO is not meant to touch."""
         if unplanned(self.simulator, self.plan):
             return self.simulator.without_obstacles()

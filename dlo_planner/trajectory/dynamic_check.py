@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.grasp import Simulator
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import figure, flag
+from dlo_planner.model.checks import figure, flag, instance
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import Value, brief, put
@@ -27,7 +28,7 @@ from dlo_planner.plan.plan import Plan, arc_length_at, means_to_touch, passages
 from dlo_planner.plan.swept import least_between
 from dlo_planner.plan.waypoint import length_of
 from dlo_planner.progress import Progress
-from dlo_planner.trajectory.modal_response import slowest_period
+from dlo_planner.trajectory.modal_response import slowest_period_of
 from dlo_planner.trajectory.sliding_end import Feed, Instants, pushed
 from dlo_planner.trajectory.timed_path import TimedPath
 
@@ -130,7 +131,7 @@ class InMotion(Value):
         return InMotion(converged=all(both['converged']), **worse)
 
 
-def in_motion(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Shape,
+def in_motion(simulator: Simulator, plan: Plan, timed: TimedPath, first: Shape,
               obstacles: tuple[Obstacle, ...], progress: Progress, *,
               touched: bool = True, calm: Sequence[Shape] | None = None) -> InMotion:
     """Return InMotion of a Plan's DLO; `calm` are its `calm_shapes`, where they are known.
@@ -149,12 +150,12 @@ def in_motion(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: S
     return _figures(simulator, plan, timed, first, obstacles, progress)
 
 
-def unplanned(simulator: DirectSimulator, plan: Plan) -> tuple[Obstacle, ...]:
+def unplanned(simulator: Simulator, plan: Plan) -> tuple[Obstacle, ...]:
     """Return the obstacles of a DirectSimulator that the DLO of a Plan is not meant to touch."""
     return () if means_to_touch(plan) else simulator.obstacles
 
 
-def _figures(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Shape,
+def _figures(simulator: Simulator, plan: Plan, timed: TimedPath, first: Shape,
              obstacles: tuple[Obstacle, ...], progress: Progress,
              around: tuple[Obstacle, ...] = (), calm: Sequence[Shape] | None = None) -> InMotion:
     """Return InMotion; of a DLO that comes near to `around` the contact force is infinite."""
@@ -185,7 +186,7 @@ def _figures(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Sh
         all_around.least(simulated.calm))
 
 
-def step_error(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Shape,
+def step_error(simulator: Simulator, plan: Plan, timed: TimedPath, first: Shape,
                motion: InMotion, progress: Progress) -> float:
     """Return by how much the steps of time move the DLO past the centers, m; inf: not known.
 
@@ -193,7 +194,7 @@ def step_error(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: 
     """
     if held_after(plan) is not None or not any(plan.via_points):
         return 0.0
-    count = 2 * round((timed.duration + slowest_period(simulator.rod)) / motion.step) + 1
+    count = 2 * round((timed.duration + slowest_period_of(simulator)) / motion.step) + 1
     times = 0.5 * motion.step * np.arange(count)
     if unplanned(simulator, plan):  # which it was seen to stay away from
         simulator = simulator.without_obstacles()
@@ -246,7 +247,7 @@ class _Simulated:
                           other.contact_force, other.smooth_bore_force)
 
 
-def _simulated(simulator: DirectSimulator, plan: Plan, instants: Instants, first: Shape,
+def _simulated(simulator: Simulator, plan: Plan, instants: Instants, first: Shape,
                progress: Progress, calm: Sequence[Shape] | None) -> _Simulated | None:
     """Return a motion simulated to its end, None if that failed."""
     bore = held_after(plan)
@@ -255,7 +256,8 @@ def _simulated(simulator: DirectSimulator, plan: Plan, instants: Instants, first
     # the bore takes the DLO at the last instant at which it is still before the mouth
     at = int(np.searchsorted(instants.u, plan.times[bore] + _AT_ONCE * np.ptp(plan.times),
                              'right')) - 1
-    feed, before, velocity = Feed.of(simulator, plan), None, None
+    whole: DirectSimulator = instance('simulator', simulator, DirectSimulator)
+    feed, before, velocity = Feed.of(whole, plan), None, None
     if at > 0:
         before, motion = _without_bore(simulator, plan, instants.part(0, at + 1), first, progress)
         if before is None:
@@ -269,7 +271,7 @@ def _simulated(simulator: DirectSimulator, plan: Plan, instants: Instants, first
     return within if before is None else before.then(within)
 
 
-def calm_shapes(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Shape,
+def calm_shapes(simulator: Simulator, plan: Plan, timed: TimedPath, first: Shape,
                 progress: Progress) -> Sequence[Shape] | None:
     """Return the Shapes of a DLO that follows slowly, at the instants of `in_motion`.
 
@@ -280,7 +282,7 @@ def calm_shapes(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first:
     return simulator.track(timed.poses(instants(simulator, timed)), progress.done, first)
 
 
-def _without_bore(simulator: DirectSimulator, plan: Plan, instants: Instants, first: Shape,
+def _without_bore(simulator: Simulator, plan: Plan, instants: Instants, first: Shape,
                   progress: Progress, calm: Sequence[Shape] | None = None,
                   ) -> tuple[_Simulated | None, Motion]:
     """Return the simulated motion of a DLO that no bore holds, or None, and the Motion."""
@@ -300,7 +302,7 @@ def _without_bore(simulator: DirectSimulator, plan: Plan, instants: Instants, fi
                       velocities=velocities, step=instants.dt), motion
 
 
-def watched(simulator: DirectSimulator, plan: Plan,
+def watched(simulator: Simulator, plan: Plan,
             obstacles: tuple[Obstacle, ...]) -> tuple[Obstacle, ...]:
     """Return the obstacles (tuple) whose clearance is wanted: those given, and of an insertion all.
 
@@ -309,9 +311,9 @@ def watched(simulator: DirectSimulator, plan: Plan,
     return obstacles if held_after(plan) is None else (*obstacles, *simulator.obstacles)
 
 
-def instants(simulator: DirectSimulator, timed: TimedPath) -> Floats:
+def instants(simulator: Simulator, timed: TimedPath) -> Floats:
     """Return the times (n,), s, that are looked at: to a slowest period after the end."""
-    period = slowest_period(simulator.rod)
+    period = slowest_period_of(simulator)
     duration = timed.duration + period
     count = max(_FEWEST, int(np.ceil(_PER_PERIOD * duration / period))) + 1
     if count > _MOST:

@@ -17,12 +17,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from dlo_planner.direct.modes import Modes
+from dlo_planner.direct.grasp import Simulator
 from dlo_planner.direct.shape import Shape, modes_along
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
@@ -52,6 +52,12 @@ def slowest_period(rod: Rod) -> float:
     mass += rod.tip_mass + sum(kg * (s / rod.length) ** 3 for s, kg in rod.point_masses)
     return float(2 * np.pi * np.sqrt(max(mass, _LIGHTEST) * rod.length**3
                                      / (3 * min(rod.stiffness[1:]))))
+
+
+def slowest_period_of(simulator: Simulator) -> float:
+    """Return the `slowest_period` (s) of a simulator's DLO, of the slower of its parts."""
+    parts = (simulator,) if isinstance(simulator, DirectSimulator) else simulator.parts
+    return max(slowest_period(part.rod) for part in parts)
 
 
 class Turns(Record):
@@ -165,22 +171,21 @@ class Response:
     turning: Floats
 
     @classmethod
-    def of(cls, simulator: DirectSimulator, leg: Leg, first: Shape,
+    def of(cls, simulator: Simulator, leg: Leg, first: Shape,
            parameters: Floats | None = None,
            check: Callable[[], None] = lambda: None) -> Response:
         """Return the Response on a Leg that begins in the Shape `first`; parameters (n,).
 
         The simulator's mesh has to be the same everywhere.
         """
-        u, shapes, modes = (_places(simulator, leg, first, check) if parameters is None else
-                            (parameters, *_known(simulator, leg, first, parameters, check)))
+        u, shapes, (frequencies, damping, displacements) = (
+            _places(simulator, leg, first, check) if parameters is None else
+            (parameters, *_known(simulator, leg, first, parameters, check)))
         positions = CubicSpline(u, np.array([shape.positions for shape in shapes]))
         masses = node_masses(simulator.rod, shapes[0].s)
-        displacements = np.array([one.displacements for one in modes])
         slopes, bends = (np.einsum('k,umki,uki->um', masses, displacements, positions(u, order))
                          for order in (1, 2))
-        return cls(u, tuple(shapes), 2 * np.pi * np.array([one.frequencies for one in modes]),
-                   np.array([one.damping_ratios for one in modes]), displacements, slopes, bends,
+        return cls(u, tuple(shapes), 2 * np.pi * frequencies, damping, displacements, slopes, bends,
                    np.einsum('k,umki->umi', masses, displacements), masses,
                    _turning(masses, displacements) / np.diff(u)[:, None, None])
 
@@ -277,9 +282,13 @@ class Response:
         return across, tangents, ahead
 
 
-def _places(simulator: DirectSimulator, leg: Leg, first: Shape,
-            check: Callable[[], None]) -> tuple[Floats, list[Shape], list[Modes]]:
-    """Return parameters (n,), n Shapes and n Modes on a leg, denser where frequencies change fast.
+# Frequencies (n, m), Hz, damping ratios (n, m), displacements (n, m, N + 1, 3), m, at n places.
+_AllModes: TypeAlias = tuple[Floats, Floats, Floats]
+
+
+def _places(simulator: Simulator, leg: Leg, first: Shape,
+            check: Callable[[], None]) -> tuple[Floats, list[Shape], _AllModes]:
+    """Return parameters (n,), n Shapes and modes on a leg, denser where frequencies change fast.
 
     There, as near the loss of stability, all else changes fast, too.
     """
@@ -288,7 +297,7 @@ def _places(simulator: DirectSimulator, leg: Leg, first: Shape,
     left = _HALVINGS
     while True:
         shapes, modes = _known(simulator, leg, first, u, check)
-        rates = np.array([one.frequencies[:_SLOWEST] for one in modes])
+        rates = modes[0][:, :_SLOWEST]
         change = np.abs(np.diff(rates, axis=0))
         far = (change > _CHANGE * np.maximum(rates[1:], rates[:-1])).any(axis=1)
         left -= 1
@@ -297,12 +306,31 @@ def _places(simulator: DirectSimulator, leg: Leg, first: Shape,
         u = np.sort(np.append(u, 0.5 * (u[:-1] + u[1:])[far]))
 
 
-def _known(simulator: DirectSimulator, leg: Leg, first: Shape, u: Floats,
-           check: Callable[[], None]) -> tuple[list[Shape], list[Modes]]:
-    """Return n Shapes and n Modes on a leg at the parameters u (n,)."""
+def _known(simulator: Simulator, leg: Leg, first: Shape, u: Floats,
+           check: Callable[[], None]) -> tuple[list[Shape], _AllModes]:
+    """Return n Shapes and their modes on a leg at the parameters u (n,)."""
     poses = [Pose.from_rotation(*pose) for pose in zip(*leg.poses(u), strict=True)]
     shapes = simulator.track(poses, lambda *_: check(), first)
-    return shapes, list(modes_along(shapes, _MODES))
+    return shapes, _modes_along(shapes)
+
+
+def _modes_along(shapes: Sequence[Shape]) -> _AllModes:
+    """Return the modes of n Shapes on a way; of one grasped inside each part vibrates by itself."""
+    if shapes[0].parts is None:
+        modes = modes_along(shapes, _MODES)
+        frequencies, damping, displacements = (
+            np.array([getattr(one, name) for one in modes])
+            for name in ('frequencies', 'damping_ratios', 'displacements'))
+        return frequencies, damping, displacements
+    each = zip(*(shape.parts or () for shape in shapes), strict=True)
+    back, front = map(_modes_along, each)
+    (n, modes_back, nodes, _), modes_front = back[2].shape, front[2].shape[1]
+    moved = np.zeros((n, modes_back + modes_front, shapes[0].s.size, 3))
+    moved[:, :modes_back, :nodes] = back[2][:, :, ::-1]  # which runs against the arc length
+    moved[:, modes_back:, nodes - 1:] = front[2]
+    frequencies, damping = (np.hstack(pair) for pair in zip(back[:2], front[:2], strict=True))
+    slowest = np.argsort(frequencies[0], kind='stable')
+    return frequencies[:, slowest], damping[:, slowest], moved[:, slowest]
 
 
 def _turning(masses: Floats, displacements: Floats) -> Floats:

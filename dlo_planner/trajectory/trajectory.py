@@ -11,8 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.grasp import (
+    GraspedInside,
+    Simulator,
+    grasped_at,
+    held_as,
+    held_at,
+)
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator, clamping
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, items, number
@@ -60,9 +67,9 @@ class Trajectory(TimedPath, Reported):
         in the cut-outs (of all three parts of the DLO, see `Plan.clearances`), 1 mm where none has
         a size. Infinite: the fastest motion within limits,
         nothing is simulated.
-    simulator : DirectSimulator, optional
-        DirectSimulator that verifies. If None, one of the plan's shapes' DLO, with its load, and
-        with its obstacles if the plan touches them.
+    simulator : DirectSimulator or GraspedInside, optional
+        DirectSimulator that verifies, of the whole DLO, wherever the plan holds it. If None, one of
+        the plan's shapes' DLO, with its load, and with its obstacles if the plan touches them.
     initial : Shape, optional
         Shape at the first pose, at rest. If None, the plan's first.
     obstacles : iterable of obstacle, optional
@@ -114,25 +121,26 @@ class Trajectory(TimedPath, Reported):
     status: str
 
     def __init__(self, plan: Plan, limits: Limits | None = None, *, tolerance: float | None = None,
-                 simulator: DirectSimulator | None = None, initial: Shape | None = None,
-                 obstacles: Iterable[Obstacle] = (), progress: OnProgress = None,
-                 deadline: float | None = None) -> None:
+                 simulator: DirectSimulator | GraspedInside | None = None,
+                 initial: Shape | None = None, obstacles: Iterable[Obstacle] = (),
+                 progress: OnProgress = None, deadline: float | None = None) -> None:
         instance('plan', plan, Plan)
         limits = Limits() if limits is None else instance('limits', limits, Limits)
         instance('initial', initial, Shape, optional=True)
         tolerance, still_to_go = _tolerance(tolerance, plan), Progress(progress, deadline)
         obstacles = items('obstacles', obstacles, OBSTACLES)
+        verifying: Simulator | None = None
         if tolerance < np.inf:
-            simulator = _simulator(simulator, plan)
-            obstacles = watched(simulator, plan, obstacles)
+            verifying = _simulator(simulator, plan)
+            obstacles = watched(verifying, plan, obstacles)
         timed = _within_limits(plan, limits, still_to_go)
         super().__init__(timed.path, timed.laws, limits)
         put(self, tolerance=tolerance, motion=None, mode_margin=np.nan, status=NOT_SIMULATED,
             least_duration=timed.duration, slowest_period=np.nan)
-        if simulator is None or tolerance == np.inf:
+        if verifying is None:
             return
-        instants(simulator, timed)  # where the fastest takes too many, so does each that is calm
-        search = CalmSearch(plan, timed, tolerance, simulator, initial or plan.shapes[0],
+        instants(verifying, timed)  # where the fastest takes too many, so does each that is calm
+        search = CalmSearch(plan, timed, tolerance, verifying, initial or plan.shapes[0],
                             obstacles, still_to_go)
         calm = search.assessed(quickest([search]))
         put(self, motion=calm.motion, mode_margin=calm.mode_margin, status=calm.status,
@@ -167,7 +175,7 @@ def restored(path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits
 
 
 def quickest_plan(plans: Sequence[Plan], limits: Limits, tolerance: float | None,
-                  simulator: DirectSimulator, progress: Progress) -> int:
+                  simulator: Simulator, progress: Progress) -> int:
     """Return the index of the Plan, of several for one task, whose calm motion is the quickest.
 
     The deadline of `progress` ends the search: the best until then counts.
@@ -188,39 +196,40 @@ def _within_limits(plan: Plan, limits: Limits, progress: Progress) -> TimedPath:
     return TimedPath(path, tuple(laws), limits)
 
 
-def _simulator(simulator: DirectSimulator | None, plan: Plan) -> DirectSimulator:
-    """Return the DirectSimulator that verifies a Plan; raise InvalidTask if there is none."""
+def _simulator(simulator: Simulator | None, plan: Plan) -> Simulator:
+    """Return the simulator that verifies a Plan; raise InvalidTask if there is none."""
     first = plan.shapes[0]
     if first.far_end is not None and held_after(plan) is None:
         raise InvalidTask('plan: expected a DLO whose far end is free, or goes into a bore; with '
                           'an infinite tolerance nothing is simulated')
     length = float(first.s[-1]) + (0.0 if first.far_end is None else float(plan.depths[0]))
-    if any(shape.parts is not None for shape in plan.shapes) or any(
-            shape.far_end is None and abs(shape.s[-1] - length) > _SAME * length
-            for shape in plan.shapes):
-        raise InvalidTask('plan: expected shapes of one DLO that the gripper holds at its '
-                          'beginning, as in `simulate`; with an infinite tolerance nothing is '
-                          'simulated')
+    at = grasped_at(first)
+    if any(grasped_at(shape) != at or shape.far_end is None
+           and abs(shape.s[-1] - length) > _SAME * length for shape in plan.shapes):
+        raise InvalidTask('plan: expected shapes of one DLO that the gripper holds in one place, '
+                          'as in `simulate`; with an infinite tolerance nothing is simulated')
     if simulator is None and first.far_end is not None:
         raise InvalidTask('simulator = None: expected the DirectSimulator of the whole DLO for an '
                           f'insertion that begins {plan.depths[0]:g} m deep')
     if simulator is None:
         return simulator_of(first, means_to_touch(plan))
-    if abs(clamping('simulator', simulator).rod.length - length) > _SAME * length:
+    held = held_as('simulator', simulator, first)
+    if abs(held.rod.length - length) > _SAME * length:
         raise InvalidTask(f'simulator: expected one of the plan\'s DLO, {length:g} m long, its rod '
-                          f'has {simulator.rod.length:g} m')
-    return simulator
+                          f'has {held.rod.length:g} m')
+    return held
 
 
-def simulator_of(shape: Shape, touching: bool) -> DirectSimulator:
-    """Return a DirectSimulator of the DLO that a Shape is of, with its load."""
+def simulator_of(shape: Shape, touching: bool) -> Simulator:
+    """Return a simulator of the DLO that a Shape is of, held where it is, with its load."""
     if shape.state.mesh is None:
         raise InvalidTask('simulator = None: expected a DirectSimulator, the shapes of this plan '
                           'have none')
     around = shape.state.mesh.surroundings
-    return DirectSimulator(around.rod, gravity=around.gravity, load=around.load,
-                           point_loads=around.point_loads,
-                           obstacles=around.obstacles if touching else ())
+    return held_at(DirectSimulator(around.rod, gravity=around.gravity, load=around.load,
+                                   point_loads=around.point_loads,
+                                   obstacles=around.obstacles if touching else ()),
+                   grasped_at(shape))
 
 
 def _tolerance(tolerance: float | None, plan: Plan) -> float:

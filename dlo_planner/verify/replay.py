@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.grasp import GraspedInside, Simulator, held_as
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator, clamping
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
 from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
@@ -47,11 +48,12 @@ _NOT_STATED = ('whether the DLO keeps its contact was not looked at: no friction
 _OF_CONTACTS = ('contact_lost', 'largest_friction')  # figures of a plan that touches an obstacle
 
 
-def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstacle] = (),
-           limits: Limits | None = None, tolerance: float | None = None,
-           trajectory: Trajectory | None = None, workspace: Workspace | None = None,
-           initial: Shape | None = None, friction: float | None = None,
-           progress: OnProgress = None, deadline: float | None = None) -> ValidationReport:
+def replay(simulator: DirectSimulator | GraspedInside, plan: Plan, *,
+           obstacles: Iterable[Obstacle] = (), limits: Limits | None = None,
+           tolerance: float | None = None, trajectory: Trajectory | None = None,
+           workspace: Workspace | None = None, initial: Shape | None = None,
+           friction: float | None = None, progress: OnProgress = None,
+           deadline: float | None = None) -> ValidationReport:
     """Simulate a Plan, and return the ValidationReport.
 
     If a motion cannot be made calm, the report is of the motion within limits alone, not `safe`. A
@@ -61,8 +63,8 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
 
     Parameters
     ----------
-    simulator : DirectSimulator
-        The planner's own or a better one.
+    simulator : DirectSimulator or GraspedInside
+        The planner's own or a better one, of the whole DLO, wherever the plan holds it.
     plan : Plan
         The shapes of an insertion are parts of the DLO; each is held at the mouth as planned.
     obstacles : iterable of obstacle, optional
@@ -98,6 +100,9 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
     """
     if friction is not None:
         friction = number('friction', friction, minimum=0)
+    if not len(instance('plan', plan, Plan)):
+        raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
+    simulator = held_as('simulator', simulator, plan.shapes[0])
     own = _Replay(simulator, plan, items('obstacles', obstacles, OBSTACLES), limits, tolerance,
                   trajectory, workspace, initial, Progress(progress, deadline),
                   friction is not None)
@@ -117,7 +122,7 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
 class _Replay:
     """The arguments of `replay`, and its steps."""
 
-    simulator: DirectSimulator
+    simulator: Simulator
     plan: Plan
     obstacles: tuple[Obstacle, ...]
     limits: Limits | None
@@ -129,9 +134,6 @@ class _Replay:
     stated: bool  # the friction of all obstacles
 
     def __post_init__(self) -> None:
-        clamping('simulator', self.simulator)
-        if not len(instance('plan', self.plan, Plan)):
-            raise InvalidTask(f'plan = {self.plan!r}: expected a Plan with a waypoint')
         instance('limits', self.limits, Limits, optional=True)
         instance('initial', self.initial, Shape, optional=True)
         instance('trajectory', self.trajectory, Trajectory, optional=True)
@@ -176,10 +178,12 @@ class _Replay:
     def _at_rest(self) -> Sequence[Shape]:
         """Return the shapes of the DLO that follows the plan slowly."""
         plan, simulator, initial = self.plan, self.simulator, self.initial
-        if held_after(plan) is None and plan.shapes[0].far_end is not None:
+        if isinstance(simulator, DirectSimulator) and (
+                held_after(plan) is None and plan.shapes[0].far_end is not None):
             return simulator.track(plan.grippers, self.progress.done, initial,
                                    far_ends=[shape.far_end for shape in plan.shapes])
-        if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
+        if isinstance(simulator, DirectSimulator) and any(
+                shape.s[-1] != simulator.rod.length for shape in plan.shapes):
             return _parts(simulator, plan, self.progress)
         if initial is None and plan.shapes[0].contacts:
             initial = plan.shapes[0]
@@ -192,7 +196,7 @@ class _Replay:
         shapes = simulator.track(plan.grippers, self.progress.done, initial)
         return shapes
 
-    def _clear(self, free: DirectSimulator, shapes: Sequence[Shape],
+    def _clear(self, free: Simulator, shapes: Sequence[Shape],
                around: tuple[Obstacle, ...]) -> bool:
         """Whether a DLO that goes slowly through Shapes stays away from obstacles, between too."""
         surface = Surface.of(free.rod)
@@ -227,7 +231,7 @@ class _Replay:
         return motion if known is None else known.worse(motion)
 
 
-def _all_rub(simulator: DirectSimulator, shapes: Sequence[Shape]) -> bool:
+def _all_rub(simulator: Simulator, shapes: Sequence[Shape]) -> bool:
     """Whether all obstacles of a simulator that Shapes touch have friction: somebody stated it."""
     return all(simulator.obstacles[one.obstacle].friction > 0
                for shape in shapes for one in shape.contacts)
@@ -274,7 +278,7 @@ def _parts(simulator: DirectSimulator, plan: Plan, progress: Progress) -> list[S
     return shapes
 
 
-def _figures_at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Shape],
+def _figures_at_rest(simulator: Simulator, plan: Plan, shapes: Sequence[Shape],
                      obstacles: Sequence[Obstacle]) -> dict[str, Any]:
     """Return the figures of the quasi-static replay."""
     errors, angles = [], []

@@ -16,11 +16,14 @@ from typing import TypeAlias
 
 import numpy as np
 
+from dlo_planner.direct.grasp import GraspedInside, held_as
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator, clamping
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.held_inside import front_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
+from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import brief, put, same
 from dlo_planner.pictured import Answer
 from dlo_planner.plan.margin import miss_slopes
@@ -101,17 +104,20 @@ class Robustness(Answer):
         return result
 
 
-def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty, *,
-               samples: int = 0, seed: int = 0, executor: Executor | None = None,
+def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertainty: Uncertainty,
+               *, samples: int = 0, seed: int = 0, executor: Executor | None = None,
                progress: OnProgress = None, deadline: float | None = None) -> Robustness:
     """Return the Robustness of a plan under an Uncertainty.
 
     Parameters
     ----------
-    simulator : DirectSimulator
-        DirectSimulator for which the plan was made.
+    simulator : DirectSimulator or GraspedInside
+        DirectSimulator for which the plan was made, of the whole DLO.
     plan : Plan
-        Plan of a threading, which is examined without obstacles, or of a contact.
+        Plan of a threading, which is examined without obstacles, or of a contact. Of a DLO that is
+        held inside, the part in front of the gripper is examined: what is uncertain of it, as its
+        length, is in parts of that part. The part behind, which decides nothing in the cut-out, is
+        not.
     uncertainty : Uncertainty
         Standard deviations of the DLO and of the gripper's pose.
     samples : int, optional
@@ -133,14 +139,14 @@ def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty,
     DeadlineExceeded
         The deadline is over; samples that an executor has begun go on.
     """
-    simulator = _made_for(simulator, plan)
+    made_for, plan = _made_for(simulator, plan)
     instance('uncertainty', uncertainty, Uncertainty)
     samples = integer('samples', samples, minimum=0, maximum=1_000_000)
     seed = integer('seed', seed, minimum=0, maximum=2**63)
     if executor is not None:
         instance('executor', executor, Executor)
     steps = Progress(progress, deadline)
-    uncertain = UncertainState(simulator, uncertainty, 1 + VARIATION)
+    uncertain = UncertainState(made_for, uncertainty, 1 + VARIATION)
     with interrupted_by(steps.check):
         by_cause = _first_order(uncertain, plan, steps)
         draws = uncertain.draw(np.random.default_rng(seed), samples)
@@ -158,21 +164,27 @@ def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty,
     return Robustness(CAUSES, by_cause, np.sqrt((by_cause**2).sum(axis=1)), sampled, success)
 
 
-def _made_for(simulator: DirectSimulator, plan: Plan) -> DirectSimulator:
-    """Return the elastic simulator of a Plan, or raise InvalidTask if it was made for another."""
-    clamping('simulator', simulator)
+def _made_for(simulator: DirectSimulator | GraspedInside,
+              plan: Plan) -> tuple[DirectSimulator, Plan]:
+    """Return the elastic simulator of a Plan, and it; of a DLO held inside those of its front.
+
+    Raise InvalidTask if it was made for another.
+    """
     if not len(instance('plan', plan, Plan)):
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
-    if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
+    held = held_as('simulator', simulator, plan.shapes[0])
+    if isinstance(held, GraspedInside):
+        return _made_for(held.parts[1], front_of(plan, Surface.of(held.parts[1].rod)))
+    if any(shape.s[-1] != held.rod.length for shape in plan.shapes):
         raise InvalidTask('plan: expected shapes of the simulator\'s whole DLO')
-    own = simulator.history is not None  # its set makes a rod of its own
-    simulator = simulator.elastic()
-    if not own and not all(_acts_alike(shape, simulator) for shape in plan.shapes):
+    own = held.history is not None  # its set makes a rod of its own
+    elastic = held.elastic()
+    if not own and not all(_acts_alike(shape, elastic) for shape in plan.shapes):
         raise InvalidTask('simulator: expected the one for which the plan was made, with its rod, '
                           'gravity and load')
     if any(shape.contacts for shape in plan.shapes):
-        return simulator
-    return simulator.without_obstacles()  # a rim would hold it back, and hide the miss
+        return elastic, plan
+    return elastic.without_obstacles(), plan  # a rim would hold it back, and hide the miss
 
 
 def _acts_alike(shape: Shape, simulator: DirectSimulator) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.direct.grasp import grasped_at
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.identify.estimate import Estimate
@@ -104,7 +105,7 @@ def _shape_rows(shape: Shape) -> list[Row]:
         ('length', figure(shape.s[-1]), 'm'),
         ('elements', str(len(shape.element_strains)), ''),
         ('gripper', _point(shape.gripper.position), 'm'),
-        ('far end', _point(shape.positions[-1]), 'm'),
+        *_held_rows(shape), ('far end', _point(shape.positions[-1]), 'm'),
         ('sharpest bend, radius', figure(shape.bend_radius.min()), 'm'),
         ('gripper bears, force', figure(force[0]), 'N'),
         ('gripper bears, moment', figure(force[1]), 'N m'),
@@ -122,6 +123,12 @@ def _shape_rows(shape: Shape) -> list[Row]:
     return rows
 
 
+def _held_rows(shape: Shape) -> list[Row]:
+    """Return where a gripper holds a DLO inside; no row of one that is held at its beginning."""
+    at = grasped_at(shape)
+    return [] if at is None else [('held, from its beginning', figure(at), 'm')]
+
+
 def _plan_rows(plan: Plan) -> list[Row]:
     rows = [('status', plan.status.value, ''), ('waypoints', str(len(plan)), '')]
     if not len(plan):
@@ -130,7 +137,7 @@ def _plan_rows(plan: Plan) -> list[Row]:
         ('duration at the plan\'s speeds', figure(plan.times[-1]), 's'),
         ('depth, first to last', f'{plan.depths[0]:.4g} to {plan.depths[-1]:.4g}', 'm'),
         ('gripper, first', _point(plan.grippers[0].position), 'm'),
-        ('gripper, last', _point(plan.grippers[-1].position), 'm')]
+        ('gripper, last', _point(plan.grippers[-1].position), 'm'), *_held_rows(plan.shapes[0])]
     return rows + [(name, figure(worst), unit) for name, _, worst, unit in plan_columns(plan)]
 
 

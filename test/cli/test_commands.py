@@ -18,10 +18,22 @@ from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from dlo_planner import DirectSimulator, Limits, Plan, Plane, Pose, Rod, Shape, replay
+from dlo_planner import (
+    CutOut,
+    DirectSimulator,
+    InverseSimulator,
+    Limits,
+    Plan,
+    Plane,
+    Pose,
+    Rod,
+    Shape,
+    replay,
+)
 from dlo_planner.cli.doctor import findings
 from dlo_planner.cli.io import read_poses
 from dlo_planner.cli.main import BAD_INPUT, FAULT, INTERRUPTED, NO_SOLUTION, main
+from dlo_planner.direct.grasp import grasped_at
 from dlo_planner.parallel import CapabilityMap
 from dlo_planner.results import ValidationReport
 from dlo_planner.settings.build import rod_of
@@ -160,6 +172,43 @@ def test_it_may_begin_at_the_gripper():
                  '0.4,0,1', '--start', '-0.9,0.1,1', '-o', 'plan.npz')
     assert result.exit_code == 0, result.output
     np.testing.assert_allclose(Plan.load('plan.npz').grippers[0].position, (-0.9, 0.1, 1))
+
+
+@pytest.mark.parametrize('stated', [('--hold-at', '0.4'), ('-p', 'rod.grasped_at=0.4')])
+def test_it_is_held_where_that_is_stated(stated):
+    result = run('thread', 'copper_wire', *QUICK, '--hole', '0.4,0,1', '--radius', '0.02', *stated,
+                 '-o', 'plan.npz', '-p', 'threading.standoff=0.05', '--start', '-0.4,0.1,1')
+    assert result.exit_code == 0, result.output
+    assert re.search(r'held, from its beginning +0.4 +m', result.output)
+    plan = Plan.load('plan.npz')
+    assert all(grasped_at(shape) == 0.4 for shape in plan.shapes)
+    assert plan.depths[-1] == pytest.approx(0.3 * 0.6)
+    known = InverseSimulator(quick()).thread(CutOut(Pose.looking_along(
+        (0.4, 0, 1), (1, 0, 0)), radius=0.02), depths=np.linspace(0, 0.18, 6), hold_at=0.4,
+        start=Pose.looking_along((-0.4, 0.1, 1), (1, 0, 0)))
+    np.testing.assert_allclose([pose.matrix for pose in plan.grippers[-6:]],
+                               [pose.matrix for pose in known.grippers], atol=1e-9)
+    if stated[0] == '-p':
+        result = run('shape', 'copper_wire', '-g', '0,0,1', *stated)
+        assert result.exit_code == 0 and re.search('held, .* 0.4 ', result.output)
+    else:
+        result = run('replay', 'copper_wire', 'plan.npz', *QUICK)
+        assert 'converged                        yes' in result.output
+
+
+@pytest.mark.parametrize(('arguments', 'said'), [
+    (('thread', 'copper_wire', '--hole', '0,0,1', '--hold-at', '1'), '--hold-at = 1.0: expected'),
+    (('thread', 'copper_wire', '--hole', '0,0,1', '--hole', '1,0,1', '--hold-at', '0.4'),
+     'rod.grasped_at = 0.4: expected 0 for the plan of a ThreadTwo'),
+    (('shape', 'copper_wire', '-g', '0,0,1', '--far-end', '0.5,0,1', '-p', 'rod.grasped_at=0.4'),
+     'rod.grasped_at = 0.4: expected 0 for --far-end'),
+    (('shape', 'copper_wire', '-g', '0,0,1', '-p', 'rod.grasped_at=1'),
+     'parameter rod.grasped_at = 1.0: expected a finite number > 0 and < 1'),
+    (('map', 'copper_wire', '--x', '0.5', '--z', '1', '--radius', '0.1', '-p',
+      'rod.grasped_at=0.4'), 'rod.grasped_at = 0.4: expected 0 for map')])
+def test_where_it_cannot_be_held_is_refused_by_name(arguments, said):
+    result = run(*arguments)
+    assert result.exit_code == BAD_INPUT and said in result.output, result.output
 
 
 def test_several_holes_are_passed():

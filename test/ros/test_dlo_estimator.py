@@ -19,7 +19,7 @@ from dlo_planner import (
     Uncertainty,
 )
 from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig, Swing, motion_at
-from dlo_planner.ros.estimate import estimate_summary, observing_of
+from dlo_planner.ros.estimate import estimate_summary, in_front, observing_of
 from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.settings.parameters import PARAMETERS
@@ -321,3 +321,18 @@ def test_a_cutout_that_moves_is_a_doubt_and_is_followed_once_that_is_looked_into
     assert not out.doubted
     center = out.estimate.center(stated) + out.estimate.camera_bias
     np.testing.assert_allclose(center, stated + moved, atol=2e-4)
+
+
+def test_of_a_dlo_that_is_grasped_inside_the_front_is_estimated(rng):
+    scene = Scene.of(parameters(**COPPER, **{'rod.grasped_at': 0.4,
+                                             'spread.bending_stiffness': 0.1}))
+    made = observing_of(scene, [], None)
+    assert made.estimate.rod.length == pytest.approx(0.6)
+    shape = scene.grasped.solve(START)
+    s = np.sort(rng.uniform(0, 1, 60))
+    points = shape.positions_at(s) + 1e-3 * rng.normal(size=(60, 3))
+    kept = in_front(shape, points)
+    np.testing.assert_array_equal(kept, points[len(points) - len(kept):])
+    assert abs(s[len(points) - len(kept)] - 0.4) < 0.03  # in their order: the rest is behind
+    assert in_front(None, points) is points
+    assert in_front(scene.direct.solve(START), points) is points

@@ -36,11 +36,13 @@ from dlo_planner import (
     ThreadSequence,
     ThreadTwo,
 )
+from dlo_planner.direct.grasp import grasped_at
 from dlo_planner.execute.causes import Cause
 from dlo_planner.inverse.task import Task
 from dlo_planner.penalties import PositionAt
 from dlo_planner.rods import GraspedInside, with_plug
 from dlo_planner.ros.lifecycle import LATCHED
+from dlo_planner.ros.streaming import loop_task_of
 from dlo_planner.settings.tasks import task_to_yaml
 from dlo_planner.tasks import Approach, MoveTo
 from msg_helpers.obstacles import obstacles_msg
@@ -326,7 +328,40 @@ def test_what_loads_the_dlo_is_stated_by_parameters(inside, node, values, simula
         path, _ = inside.shape_for(HERE)
         np.testing.assert_allclose([pose.position for pose in poses_from_path(path)],
                                    simulator.solve(HERE).positions, atol=1e-6)
-        code = ask(inside, 'plan_threading', HERE, GOAL)[1][0]
-        assert code == (Cause.INVALID_PARAMETER if 'rod__grasped_at' in values else 0)
+        assert ask(inside, 'plan_threading', HERE, GOAL)[1][0] == 0
     finally:
         assert at_once(inside, **before).successful
+
+
+def test_a_dlo_that_is_grasped_inside_is_threaded(inside, node, tell):
+    assert at_once(inside, rod__grasped_at=0.4).successful
+    try:
+        inside.trigger('reset')
+        inside.shape_for(HERE)
+        code, message, _ = tell(Thread(HOLES[0], DEPTHS[:2]))
+        assert code == 0, message
+        known = InverseSimulator(DIRECT).thread(HOLES[0], depths=DEPTHS[:2], hold_at=0.4,
+                                                start=HERE)
+        made = state(node).planned
+        np.testing.assert_allclose([pose.matrix for pose in made.plan.grippers],
+                                   [pose.matrix for pose in known.grippers], atol=1e-6)
+        assert grasped_at(made.plan.shapes[0]) == 0.4 and made.plan.shapes[0].s[-1] == 1.0
+        assert inside.status_of('proof', PATIENCE)[2]['report'] == 'held'
+        task = loop_task_of(made)
+        assert task.hold_at == 0.4 and task.front.simulator.rod.length == pytest.approx(0.6)
+        # without depths of its own: as deep as the part in front is long
+        assert tell(Thread(HOLES[0]))[0] == 0
+        deepest = state(node).scene['threading.deepest']
+        assert state(node).planned.plan.depths[-1] == pytest.approx(0.6 * deepest)
+        for task, said in ((TASKS[ThreadTwo](), 'a ThreadTwo: of a DLO that is grasped inside'),
+                           (Thread(HOLES[0], hold_at=0.3), 'hold_at = 0.3: expected none, or')):
+            code, message, _ = tell(task)
+            assert code == Cause.INVALID_REQUEST and said in message
+        code, message, _ = inside.trigger('identify') and inside.status_of('identify')
+        assert code == Cause.INVALID_PARAMETER
+        assert 'rod.grasped_at = 0.4: expected 0 for identify' in message
+    finally:
+        assert at_once(inside, rod__grasped_at=0.0).successful
+    code, message, _ = tell(Thread(HOLES[0], DEPTHS, hold_at=0.4))
+    assert code == Cause.INVALID_PARAMETER
+    assert 'rod.grasped_at = 0: expected 0.4, where the task says' in message

@@ -23,6 +23,7 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.grasp import grasped_at
 from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
@@ -34,6 +35,7 @@ from dlo_planner.inverse.continuation import (
     continue_family,
 )
 from dlo_planner.inverse.equilibria import least_turn
+from dlo_planner.inverse.held_inside import HeldInside, front_of
 from dlo_planner.inverse.route import first_feasible, quick_simulator
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import SHARPEST, interpolated
@@ -41,6 +43,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between, turned_by
+from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
@@ -52,6 +55,7 @@ from dlo_planner.trajectory.trajectory import quickest_plan
 _MARGIN = 0.02        # of the length
 _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the distance back that is safe in any case
 _STRAIGHT = None      # instead of backing off: translation and rotation at once
+_WHAT = 'start phase, waypoint'  # in a refusal
 _FALLS = 'continuity', 'start'  # refusals: the DLO falls, or comes into another shape
 # Unit vectors that the gripper is directed along on a detour: a grid of eighths of a turn.
 _DIRECTIONS = np.array([(np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift))
@@ -96,7 +100,7 @@ def _from_behind(simulator: DirectSimulator, task: Approach, start: Pose, initia
     stations += [(pose, 0.0) for pose in entering[1:]]
     stations[-1] = (stations[-1][0], hole)
     family = _Coming(simulator, cutout, stations, demands.surface.bound, first)
-    builder = PlanBuilder(np.zeros(len(stations)), demands, 'start phase, waypoint', stops=(stop,))
+    builder = PlanBuilder(np.zeros(len(stations)), demands, _WHAT, stops=(stop,))
     holes = Holes([cutout], length, demands.obstacles, demands.surface)
 
     def waypoint(passing: Passing) -> Waypoint:
@@ -245,6 +249,9 @@ class Approach(Task):
 
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan from `start` to the gripper of `first`."""
+        at = grasped_at(self.first)
+        if at is not None:
+            return self._inside(instance('context', context, PlanContext), at)
         instance('context', context, PlanContext)
         start, farthest = instance('start', context.start, Pose), _FARTHEST * context.rod.length
         for name, pose in (('start', start), ('plan.grippers[0]', self.first.gripper)):
@@ -266,6 +273,20 @@ class Approach(Task):
             assert refused is not None  # of the first one
             raise refused
         return ways[self._quickest(ways, context)]
+
+    def _inside(self, context: PlanContext, at: float) -> Plan:
+        """Return the Plan of a DLO that is held at `at`, m, by that of its front."""
+        held = HeldInside(context, at, (self.cutout,))
+        through, parts = self.through, self.first.parts or ()
+        task = replace(self, first=parts[1], through=None if through is None else front_of(
+            through, Surface.of(held.front.rod)))
+        plan = held.planned(partial(task.solve, held.front), _WHAT)
+        last = plan.shapes[-1]
+        if not same(last, self.first):
+            raise Infeasible(f'{_WHAT} {len(plan) - 1}: the part of the DLO behind the gripper '
+                             'does not come into the shape in which the threading begins',
+                             len(plan) - 1, 'start', apart(last, self.first), plan)
+        return plan
 
     def _at(self, standoff: float, context: PlanContext) -> Plan:
         """Return the Plan that goes straight or, if it must, backs off as little as does."""

@@ -40,6 +40,7 @@ from dlo_planner.inverse.equilibria import (
     shape_with_end,
     start_candidates,
 )
+from dlo_planner.inverse.held_inside import HeldInside
 from dlo_planner.inverse.most_room import best_rating, thread_with_most_room
 from dlo_planner.inverse.reachable import reachable_shapes
 from dlo_planner.inverse.route import (
@@ -346,6 +347,8 @@ class Thread(Task):
         the normal, or the task is refused. If None, as obliquely as it has to: along the normal
         where that leaves half of the room as `Plan.margin`, else with the largest margin. A
         cut-out without a size is passed along its normal.
+    hold_at : float or None
+        Where the gripper holds the DLO, m from its beginning. If None, at its beginning.
     """
 
     takes_initial: ClassVar[bool] = True
@@ -356,18 +359,21 @@ class Thread(Task):
     gripper_clearance: float | None = None
     as_deep_as_possible: bool = False
     max_misalignment: float | None = None
+    hold_at: float | None = None
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, cutout: CutOut, depths: ArrayLike | None = None,
                      method: str = 'coupled', gripper_clearance: float | None = None,
-                     as_deep_as_possible: bool = False,
-                     max_misalignment: float | None = None) -> None: ...
+                     as_deep_as_possible: bool = False, max_misalignment: float | None = None,
+                     hold_at: float | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         instance('cutout', self.cutout, CutOut)
         if self.gripper_clearance is not None:
             put(self, gripper_clearance=number('gripper_clearance', self.gripper_clearance,
                                                minimum=0))
+        if self.hold_at is not None:
+            put(self, hold_at=number('hold_at', self.hold_at, minimum=0) or None)
         choice('method', self.method, ('coupled', 'nested'))
         if self.max_misalignment is not None:
             put(self, max_misalignment=number('max_misalignment', self.max_misalignment, minimum=0,
@@ -376,27 +382,34 @@ class Thread(Task):
         put(self, depths=depths_or_none('depths', self.depths))
         super().__post_init__()
 
+    def _threaded(self, free: DirectSimulator, task: Threading) -> Plan:
+        """Return the Plan of a DLO that is held at its beginning."""
+        along = partial(with_certificate, partial(thread, free, task),
+                        partial(certificate, free, self.cutout, task.depths))
+        room = upright_room(self.cutout, task.demands.surface)
+        if self.max_misalignment == 0 or not 0 < room < np.inf:
+            return along()
+        most = np.inf if self.max_misalignment is None else self.max_misalignment
+        try:
+            return _with_room(along, partial(thread_with_most_room, free, task, most), room,
+                              partial(best_rating, free, task.demands.uncertainty, room))
+        except Infeasible as error:
+            error.advise = partial(advice, free, task, most)
+            raise
+
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan."""
         instance('context', context, PlanContext)
-        depths, demands = depths_on(context.rod.length, self.depths), context.demands
+        inside = None if self.hold_at is None else HeldInside(context, self.hold_at, (self.cutout,))
+        front = context if inside is None else inside.front  # what is threaded
+        demands = context.demands if inside is None else inside.demands
+        depths = depths_on(front.rod.length, self.depths)
 
         def planned(depths: Floats) -> Plan:
-            free = context.without_obstacles
-            task = Threading((self.cutout,), depths, context.start, demands, context.initial,
-                             self.method)
-            along = partial(with_certificate, partial(thread, free, task),
-                            partial(certificate, free, self.cutout, depths))
-            room = upright_room(self.cutout, demands.surface)
-            if self.max_misalignment == 0 or not 0 < room < np.inf:
-                return along()
-            most = np.inf if self.max_misalignment is None else self.max_misalignment
-            try:
-                return _with_room(along, partial(thread_with_most_room, free, task, most), room,
-                                  partial(best_rating, free, demands.uncertainty, room))
-            except Infeasible as error:
-                error.advise = partial(advice, free, task, most)
-                raise
+            free, task = front.without_obstacles, Threading(
+                (self.cutout,), depths, front.start, front.demands, front.initial, self.method)
+            solve = partial(self._threaded, free, task)
+            return solve() if inside is None else inside.planned(solve)
 
         plan = deepest(planned, depths) if self.as_deep_as_possible else planned(depths)
         if self.gripper_clearance is None:
