@@ -141,11 +141,17 @@ def planning(command: Any) -> Any:
               help='Pose of a cut-out: its center and the direction in which the free end goes '
               'through. May be repeated: passed one after the other.')
 @click.option('--radius', type=float, help='Of the holes, m, for clearances.')
+@click.option('--max-misalignment', type=float, help='Largest angle against the normal at which it '
+              'passes a hole of a size, rad; 0: along the normal. Default: the parameter '
+              'threading.max_misalignment.')
+@click.option('--margin', type=float, help='Least margin in the hole, m: clearance less two '
+              'standard deviations of the expected miss. Default: the parameter threading.margin.')
 @click.option('--hold-at', type=float, help='Where the gripper holds the DLO, m from its '
               'beginning: what is in front of it is threaded. Default: the parameter '
               'rod.grasped_at.')
 @planning
-def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None, hold_at: float | None,
+def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None,
+           max_misalignment: float | None, margin: float | None, hold_at: float | None,
            start: Pose | None, deadline: float | None, **options: Any) -> None:
     """Plan the gripper poses that thread the free end through cut-outs.
 
@@ -170,9 +176,16 @@ def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None, hold_a
         radius = number('--radius', radius, above=0, unit='m')
     else:
         radius = dlo.values['cutouts.radius'] or None  # 0: not known
+    given = {'rod.grasped_at': hold_at, 'threading.max_misalignment': max_misalignment,
+             'threading.margin': margin}
     if hold_at is not None:
-        dlo = dlo._replace(values={**dlo.values, 'rod.grasped_at': number(
-            '--hold-at', hold_at, minimum=0, below=dlo.direct.rod.length, unit='m')})
+        number('--hold-at', hold_at, minimum=0, below=dlo.direct.rod.length, unit='m')
+    if max_misalignment is not None:
+        number('--max-misalignment', max_misalignment, minimum=0, maximum=np.pi / 2, unit='rad')
+    if margin is not None:
+        number('--margin', margin, minimum=0, unit='m')
+    dlo = dlo._replace(values={**dlo.values, **{
+        name: value for name, value in given.items() if value is not None}})
     cutouts = [CutOut(pose, radius=radius) for pose in holes]
     _finish(dlo, _planned(dlo, threading_of(cutouts), start, deadline), **options)
 

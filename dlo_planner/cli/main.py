@@ -74,6 +74,8 @@ class Commands(click.Group):
             raise
         except (Infeasible, NotConverged, DeadlineExceeded) as error:
             click.echo(f'no solution: {error}', err=True)
+            if isinstance(error, Infeasible) and error.advice:  # a second or two of work
+                click.echo(f'  {error.advice}', err=True)
             ctx.exit(NO_SOLUTION)
         except DloPlannerError as error:
             click.echo(f'Error: {error}', err=True)

@@ -51,6 +51,8 @@ class Cause(IntEnum):
     PLANNING_CANCELED = 207, '`cancel` was called, or the node ends, while the plan was made'
     SCENE_CHANGED = 208, 'obstacles or parameters changed while the plan was made'
     FAR_END_HELD = 209, 'the far end is held: plans and motions are of a DLO whose end is free'
+    NO_ROOM = 210, ('the DLO does not pass the hole, along its normal or obliquely, or with less '
+                    'than `threading.margin`: the message says what would help')
     PROOF_PENDING = 300, 'the plan is still being checked: ask again'
     NOT_FOLLOWED = 301, 'replayed slowly, the DLO does not follow the plan'
     NOT_CALM = 302, 'no calm motion along the plan keeps all demands'
@@ -93,6 +95,7 @@ class Refused(DloPlannerError):
 
 
 _OF_CONSTRAINT = {'stability': Cause.UNSTABLE, 'clearance': Cause.COLLISION,
+                  'margin': Cause.NO_ROOM,
                   'max_bend_curvature': Cause.OVERBENT, 'yield': Cause.OVERBENT}
 
 

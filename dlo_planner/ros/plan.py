@@ -28,6 +28,7 @@ from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of, threading_of
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import OBLIQUE, Plan
@@ -215,10 +216,13 @@ class PlanningServer(Part):
         said = f', up to {np.rad2deg(oblique):.2g} degrees oblique' if oblique > OBLIQUE else ''
         if np.isfinite(plan.clearance).any():
             said += f', smallest clearance {plan.clearance.min():.2g} m'
+        if not np.isnan(plan.margin).all():
+            said += f', smallest margin {least_known(plan.margin):.2g} m'
         figures = {
             'waypoints': len(plan), 'largest miss [m]': float(plan.position_error.max()),
             'largest misalignment [rad]': oblique,
             'smallest clearance [m]': float(plan.clearance.min()),
+            'smallest margin [m]': least_known(plan.margin),
             'smallest bend margin [1/m]': float(plan.bend_margin.min()),
             'yield limit used': float(plan.yield_utilization.max()),
             'largest residual': float(plan.residual.max()),
@@ -264,10 +268,17 @@ def explained(make: Callable[[], T]) -> T:
     except Infeasible as error:
         known = ''
         with suppress(DloPlannerError):  # whoever has no more time for it hears the rest
-            known = error.certificate
+            known = '; '.join(filter(None, (error.certificate, error.advice)))
         if not known:
             raise
-        raise Refused(cause_of(error), f'{error}: {known}') from error
+        cause = cause_of(error) if error.advise is None else Cause.NO_ROOM
+        raise Refused(cause, f'{error}: {known}') from error
+
+
+def least_known(numbers: Floats) -> float:
+    """Return the least of numbers (n,) that are not nan; nan if all are."""
+    known = numbers[~np.isnan(numbers)]
+    return float(known.min()) if known.size else np.nan
 
 
 def deadline_refusal(error: DeadlineExceeded) -> Refused:

@@ -37,7 +37,8 @@ _UNIT = re.compile(r', (kg/m\^3|kg/m|kg|N m\^2|1/m|1/s|m/s\^[23]|m/s|rad/s\^[23]
 _READ_ONLY = {'frame_id', 'diagnostics_period', 'autostart', 'execute.rate'}
 _WHILE_EXECUTING = {  # may change while a plan is executed
     'rod.name', 'task', 'threading.waypoints', 'threading.deepest', 'threading.standoff',
-    'threading.gripper_clearance', 'threading.tolerance', 'threading.deadline',
+    'threading.gripper_clearance', 'threading.max_misalignment', 'threading.margin',
+    'threading.tolerance', 'threading.deadline',
     'threading.planning_deadline', 'arm.tool_link', 'arm.joints', 'arm.packages',
     'arm.base.position', 'arm.base.orientation', 'arm.self_clearance', 'arm.deadline',
     'markers.color', 'execute.start_distance', 'execute.start_angle'}
@@ -123,6 +124,11 @@ _TABLE: dict[str, tuple[Any, ...]] = {
                                 "contact.", -1.0, 10.0),
     'threading.gripper_clearance': (0.0, 'The plan ends where the gripper comes nearer to the '
                                          'sheet than this, m; 0 = does not care.', 0.0, 10.0),
+    'threading.max_misalignment': (-1.0, 'Largest angle of the DLO against the normal of a hole of '
+                                         'a size, rad; 0 = along the normal, or no plan; below 0 = '
+                                         'as oblique as leaves the most margin.', -1.0, 1.5707),
+    'threading.margin': (0.0, 'Least margin in a hole: the clearance less two standard deviations '
+                              'of the miss that is to be expected, m; 0 = any.', 0.0, 10.0),
     # no range: it would refuse nan
     'threading.tolerance': (0.0, 'By how much the DLO in motion may miss, come nearer to a rim '
                                  'than planned, or still vibrate at the end, m; 0 or nan = a '

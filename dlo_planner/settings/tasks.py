@@ -207,8 +207,12 @@ def _plan(inverse: InverseSimulator, task: Task, values: Values, start: Pose | N
     task = held_as_stated(task, values['rod.grasped_at'])
     free = length - ((task.hold_at or 0.0) if isinstance(task, Thread) else 0.0)
     task = _with_depths(task, values, free)
+    most = values['threading.max_misalignment']
+    if isinstance(task, Thread) and task.max_misalignment is None and most >= 0:
+        task = replace(task, max_misalignment=most)
     options: dict[str, Any] = {'progress': progress, 'requirements': replace(
-        inverse.requirements, limits=limits_of(values), tolerance=miss)}
+        inverse.requirements, limits=limits_of(values), tolerance=miss,
+        margin=values['threading.margin'] or None)}
     if isinstance(task, HoldContact | SlideContact) and standoff and start is not None:
         return inverse.check(concatenate(*way_onto(
             inverse, task, start, standoff if standoff > 0 else STANDOFF * length,

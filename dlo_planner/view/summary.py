@@ -150,6 +150,8 @@ def plan_columns(plan: Plan) -> list[tuple[str, Floats, float, str]]:
         ('room in the cut-outs', room, np.min, 'm'), ('clearance', plan.clearance, np.min, 'm'),
         ('bend margin', plan.bend_margin, np.min, '1/m'),
         ('stability', plan.stability, np.min, ''), ('residual', plan.residual, np.max, '')]
+    if np.isfinite(plan.margin).any():
+        columns.append(('margin', plan.margin, np.nanmin, 'm'))
     if np.isfinite(plan.yield_utilization).any():
         columns.append(('yield limit used', plan.yield_utilization, np.max, ''))
     if any(shape.far_end is not None for shape in plan.shapes):

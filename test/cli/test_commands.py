@@ -413,6 +413,31 @@ def test_every_help_has_examples_that_are_right():
         command.make_context(name, arguments)  # it would raise a UsageError
 
 
+SOFT = ['-p', 'rod.diameter=0.0007', '-p', 'rod.length=1.0']
+
+
+def test_an_oblique_plan_and_what_would_help():
+    wire = ['thread', 'copper_wire', *SOFT, '--hole', '0,0,1,1,0,-0.5', '--radius', '0.02']
+    oblique = run(*wire)
+    assert oblique.exit_code == 0, oblique.output
+    assert float(re.search(r'misalignment +([\d.e-]+) +deg', oblique.output)[1]) > 10
+    assert re.search(r'margin +[\d.e-]+ +m\n', oblique.output)
+    along = run(*wire, '--max-misalignment', '0')
+    assert along.exit_code == NO_SOLUTION and 'stability' in along.output
+    wide = run(*wire, '--margin', '0.05')
+    assert wide.exit_code == NO_SOLUTION and 'margin = 0.05 m' in wide.output
+    up = run('thread', 'copper_wire', *SOFT, '--hole', '0,0,1,1,0,0.6', '--radius', '0.02')
+    assert up.exit_code == NO_SOLUTION
+    free = float(re.search(r'it would pass if held at most ([\d.]+) m from its end',
+                           up.output)[1])
+    held = run('thread', 'copper_wire', *SOFT, '--hole', '0,0,1,1,0,0.6', '--radius', '0.02',
+               '--hold-at', f'{1 - 0.97 * free:.3f}')
+    assert held.exit_code == 0, held.output
+    for option, value in (('--max-misalignment', '2'), ('--margin', '-1')):
+        wrong = run(*wire, option, value)
+        assert wrong.exit_code == BAD_INPUT and option in wrong.output
+
+
 def test_exit_codes_are_told():
     assert '2  bad input' in run('--help').output and '3  no solution' in run('--help').output
     for name in ('shape', 'thread', 'plan', 'replay', 'identify', 'map'):

@@ -15,6 +15,7 @@ from dlo_planner import (
     Pose,
     Rod,
     Sphere,
+    Thread,
 )
 from dlo_planner.inverse.tasks.thread_sequence import threading_of
 from dlo_planner.plan.path import GripperPath
@@ -112,3 +113,22 @@ def test_obstacles_are_for_the_dlo_and_for_the_gripper():
     assert inverse.workspace.min_margin(Pose((1.9, 0.0, 0.0), (0, 0, 0, 1))) == (
         'workspace.upper.x', pytest.approx(0.05))
     assert not inverse.requirements.allow_plastic
+
+
+def test_how_oblique_and_how_much_margin_are_parameters():
+    wire = Rod(0.2, 0.0174, 1.22e-4, 1.0e-4, radius=1.5e-3)  # w L^3 / EI = 11
+    inverse, wanted = InverseSimulator(DirectSimulator(wire)), WANTED | {
+        'threading.waypoints': 20}
+    cutout = CutOut(Pose.looking_along((0, 0, 1), (1, 0, -0.36)), radius=0.01)
+    oblique = plan_task(inverse, threading_of([cutout]), wanted)
+    assert oblique.misalignment.max() > 0.5
+    along = plan_task(inverse, threading_of([cutout]),
+                      wanted | {'threading.max_misalignment': 0.0})
+    assert along.misalignment.max() < 1e-8
+    # what the task itself says counts
+    asked = plan_task(inverse, Thread(cutout, max_misalignment=0.5),
+                      wanted | {'threading.max_misalignment': 0.0})
+    assert 0.1 < asked.misalignment.max() < 0.5 + 1e-6
+    with pytest.raises(Infeasible) as refused:
+        plan_task(inverse, threading_of([cutout]), wanted | {'threading.margin': 0.008})
+    assert 'margin = 0.008 m' in str(refused.value)
