@@ -291,3 +291,12 @@ def test_advice_of_a_hole_that_is_too_small():
     width, height = (1.03 * float(size) for size in found.groups())
     assert width / height == pytest.approx(1.5, rel=0.01)
     assert plan(WIRE, replace(cutout, width=width, height=height)).fraction == 1
+
+
+def test_meshes_that_differ_from_waypoint_to_waypoint_are_no_leap():
+    stiffness = 0.05 * 9.80665 / 241.4
+    rod = Rod(1.0, 0.05, stiffness, 0.75 * stiffness, radius=1.1e-3)
+    found = plan(rod, hole(-43.4, 0.0113))
+    meshes = [shape.s for shape in found.shapes]
+    assert any(one.size == other.size and not np.array_equal(one, other)
+               for one, other in zip(meshes, meshes[1:], strict=False))
