@@ -243,7 +243,7 @@ def fitted(units):
 def moved_and_proved(units):
     inverse, speed = InverseSimulator(units.simulator()), units.length / units.time
     plan = inverse.thread(units.hole((1, 0.2, 0.8), (1, 1, 0), 0.02),
-                          depths=np.linspace(0.05, 0.9, 8) * units.length,
+                          depths=np.linspace(0.05, 0.9, 8) * units.length, max_misalignment=0,
                           linear_speed=0.1 * speed, angular_speed=0.5 / units.time)
     limits = Limits(0.1 * speed, 0.5 / units.time, 0.5 * speed / units.time, 2.0 / units.time**2,
                     5.0 * speed / units.time**2, 20.0 / units.time**3)

@@ -171,6 +171,7 @@ class Plan(Filmed):
             sheets=items('Plan.sheets', self.sheets, tuple),
             fraction=number('Plan.fraction', self.fraction, minimum=0, maximum=1),
             status=instance('Plan.status', self.status, PlanStatus),
+            uncertainty=instance('Plan.uncertainty', self.uncertainty, Uncertainty, optional=True),
             insertion_status=tuple(
                 choice('Plan.insertion_status', str(one), INSERTION_STATUSES)
                 for one in items('Plan.insertion_status', self.insertion_status, str)),
@@ -314,21 +315,9 @@ class Plan(Filmed):
         itself, to first order under the `uncertainty`; below 0 it misses the hole too often. nan
         where there is no size of a cut-out, or the DLO is held or touches something.
         """
-        margin = np.array([self._margin_at(k) for k in range(len(self))])
+        margin = np.array([_margin_at(self, k) for k in range(len(self))])
         freeze(margin)
         return margin
-
-    def least_rating(self, waypoints: Ints, room: float) -> float:
-        """Return the least `rating` of some waypoints (k,), in holes of this room, m."""
-        margins = np.array([self._margin_at(k) for k in waypoints.tolist()])
-        return float(rating(self.clearances[waypoints].min(axis=(1, 2)), margins, room).min())
-
-    def _margin_at(self, k: int) -> float:
-        shape, at = self.shapes[k], grasped_at(self.shapes[k]) or 0.0
-        if shape.parts is not None:
-            shape = shape.parts[1]  # in front of the gripper
-        return least_margin(self.uncertainty, shape, [s - at for _, s, _ in self.via_points[k]],
-                            self.clearances[k])
 
     @property
     def bend_margin(self) -> Floats:
@@ -344,6 +333,21 @@ class Plan(Filmed):
     def stability(self) -> Floats:
         """(n,) `Shape.stability` of each waypoint."""
         return np.array([shape.stability for shape in self.shapes])
+
+
+def _margin_at(plan: Plan, k: int) -> float:
+    """Return the margin of a waypoint, m, as `Plan.margin`."""
+    shape, at = plan.shapes[k], grasped_at(plan.shapes[k]) or 0.0
+    if shape.parts is not None:
+        shape = shape.parts[1]  # in front of the gripper
+    return least_margin(plan.uncertainty, shape, [s - at for _, s, _ in plan.via_points[k]],
+                        plan.clearances[k])
+
+
+def least_rating(plan: Plan, waypoints: Ints, room: float) -> float:
+    """Return the least `rating` of some waypoints (k,) of a Plan, in holes of this room, m."""
+    margins = np.array([_margin_at(plan, k) for k in waypoints.tolist()])
+    return float(rating(plan.clearances[waypoints].min(axis=(1, 2)), margins, room).min())
 
 
 def _straightening(shape: Shape) -> Floats:

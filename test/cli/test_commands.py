@@ -41,7 +41,8 @@ from dlo_planner.settings.yaml_files import read_values
 
 COMMANDS = ['cable', 'shape', 'thread', 'plan', 'replay', 'identify', 'map', 'doctor']
 QUICK = ['-p', 'simulator.n_elements=16', '-p', 'simulator.n_terms=6', '-p', 'rod.diameter=0.0015',
-         '-p', 'threading.waypoints=6', '-p', 'threading.deepest=0.3']
+         '-p', 'threading.waypoints=6', '-p', 'threading.deepest=0.3',
+         '-p', 'threading.max_misalignment=0']  # obliquely, so few would miss on the way
 
 
 @pytest.fixture(autouse=True)
@@ -577,11 +578,11 @@ def test_a_proof_takes_obstacles_limits_and_tolerance(planned):
     given = [word for name, value in limits.items()
              for word in ('-p', f'threading.{name}={value}')]
     result = run('replay', 'copper_wire', 'plan.npz', *QUICK, *given, '-p',
-                 'threading.tolerance=0.005', '-p', 'workspace.gripper_radius=0.003',
+                 'threading.tolerance=0.004', '-p', 'workspace.gripper_radius=0.003',
                  '--obstacles', 'floor.yaml', '-o', 'report.npz')
     assert result.exit_code == 0, result.output
     report = ValidationReport.load('report.npz')
-    assert report.tolerance == 0.005
+    assert report.tolerance == 0.004
     assert {name: getattr(report.trajectory.limits, name) for name in limits} == limits
     # of the DLO, and of the gripper
     assert report.clearance == pytest.approx(0.01 - 0.75e-3, abs=1e-5)

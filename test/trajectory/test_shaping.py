@@ -437,7 +437,7 @@ ABOVE = Pose.looking_along((-0.34008, 0.88092, 0.77364), (0.3813, -0.8164, 0.433
 
 def approach(rod, hole, start, depth):
     inverse = InverseSimulator(DirectSimulator(rod))
-    through = inverse.thread(hole, start=start, depths=[0, depth])
+    through = inverse.thread(hole, start=start, depths=[0, depth], max_misalignment=0)
     way = inverse.approach(hole, through, start, standoff=0.05)
     return truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE)
 

@@ -132,7 +132,7 @@ def test_samples_scatter_as_the_first_order_says():
     np.testing.assert_allclose(got.first_order, np.sqrt((got.by_cause**2).sum(axis=1)))
     ratio = np.sqrt((got.sampled**2).mean(axis=0)) / got.first_order
     assert (np.abs(ratio - 1) < 0.15).all()  # 300 samples scatter by 4 % and more
-    inside = (got.sampled < (PLAN.clearances[:, 0, 0])).all(axis=1)
+    inside = (got.sampled < PLAN.clearances.min(axis=(1, 2))).all(axis=1)
     assert got.success == inside.mean() and 0.5 < got.success <= 1
     assert (np.mean(got.sampled <= got.quantile(0.9), axis=0) >= 0.9).all()
 
@@ -156,11 +156,11 @@ def test_a_sample_without_a_stable_shape_misses_and_goes_on_from_the_one_before(
 
 def test_a_mesh_that_follows_the_accuracy():
     direct = DirectSimulator(ROD, accuracy=1e-5)
-    plan = InverseSimulator(direct).thread(HOLE, depths=[0.0, 0.3])
-    got, other = (robustness(simulator, one, SPREAD, samples=4)
-                  for simulator, one in ((direct, plan), (DIRECT, PLAN)))
-    np.testing.assert_allclose(got.first_order, other.first_order[:2], rtol=1e-2)
-    np.testing.assert_allclose(got.sampled, other.sampled[:, :2], rtol=2e-2)
+    got, other = (robustness(simulator, InverseSimulator(simulator).thread(
+        HOLE, depths=[0.0, 0.3], max_misalignment=0), SPREAD, samples=4)
+        for simulator in (direct, DIRECT))
+    np.testing.assert_allclose(got.first_order, other.first_order, rtol=1e-2)
+    np.testing.assert_allclose(got.sampled, other.sampled, rtol=2e-2)
 
 
 def test_samples_do_not_depend_on_the_executor():

@@ -62,7 +62,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder, kept_between
 from dlo_planner.plan.margin import upright_room
-from dlo_planner.plan.plan import Plan, PlanStatus, truncate
+from dlo_planner.plan.plan import Plan, PlanStatus, least_rating, truncate
 from dlo_planner.plan.waypoint import Waypoint
 
 _FIRM = (1e3, 1e2, 1e1, 1.0)  # how much smoothness counts: features of 35 to 6 waypoints go
@@ -304,7 +304,7 @@ def _with_room(along: Callable[[], Plan], oblique: Callable[[], Plan], room: flo
     try:
         plan = along()
         some = np.unique(np.linspace(0, len(plan) - 1, _LOOKED_AT).astype(int))
-        if plan.least_rating(some, room) >= min(_ENOUGH, best(plan.depths[some]) - _GAIN):
+        if least_rating(plan, some, room) >= min(_ENOUGH, best(plan.depths[some]) - _GAIN):
             return plan
     except Infeasible as error:
         refused = error
@@ -317,7 +317,7 @@ def _with_room(along: Callable[[], Plan], oblique: Callable[[], Plan], room: flo
         raise _refused_both(refused, error) from None
     if plan is None:
         return other
-    one, another = (each.least_rating(np.arange(len(each)), room) for each in (plan, other))
+    one, another = (least_rating(each, np.arange(len(each)), room) for each in (plan, other))
     return other if another >= one + _GAIN else plan
 
 
