@@ -43,6 +43,7 @@ from dlo_planner.model.rod import Rod, Surface, followed_by
 from dlo_planner.plan.builder import PlanBuilder, build_plan
 from dlo_planner.plan.clearance import Bodies, sheet_of
 from dlo_planner.plan.continuity import apart, same
+from dlo_planner.plan.margin import unseen
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import (
     Plan,
@@ -243,7 +244,11 @@ class LoopTask:
         return max(_LEAST_TOLERANCE, _FOR_MOTION * self.room)
 
     def ways(self, estimate: Estimate, here: Pose, standoff: float) -> tuple[Plan, Plan]:
-        """Return the way to the entry, and on from there, in true poses of the estimated DLO."""
+        """Return the way to the entry, and on from there, in true poses of the estimated DLO.
+
+        How obliquely it passes a hole is chosen by what looks do not tell, before them as after:
+        so the way in goes on from where the way to the standoff ends.
+        """
         known, start = self.inverse, estimate.actual(here)
         simulator = known.simulator.with_rod(self.rod(estimate))
         if not self.touches:  # the obstacle that is touched stands where it is stated
@@ -262,7 +267,8 @@ class LoopTask:
         stated: Any = self.task  # a dataclass
         task = replace(stated, **{one.name: estimated(getattr(stated, one.name))
                                   for one in fields(stated)})
-        through = inverse.plan(task, start=start)
+        through = inverse.plan(task, start=start, requirements=replace(
+            inverse.requirements, uncertainty=unseen(simulator.rod)))
         return inverse.plan(Approach(cutouts_of(task)[0], through.shapes[0], standoff),
                             start=start), through
 

@@ -45,6 +45,13 @@ def usual_uncertainty(rod: Rod) -> Uncertainty:
                        gripper_position=0.001 * rod.length, gripper_rotation=0.001)
 
 
+def unseen(rod: Rod) -> Uncertainty:
+    """Return what looks at a DLO do not tell of the usual Uncertainty: where its gripper goes."""
+    usual = usual_uncertainty(rod)
+    return Uncertainty(gripper_position=usual.gripper_position,
+                       gripper_rotation=usual.gripper_rotation)
+
+
 def upright_room(cutout: CutOut, surface: Surface) -> float:
     """Return the room (m) in a CutOut of a DLO that passes its center upright; inf: no size.
 

@@ -27,7 +27,7 @@ from dlo_planner import (
 from dlo_planner.direct.shape import Shape
 from dlo_planner.inverse.reachable import reachable_shapes
 from dlo_planner.model.rod import Surface
-from dlo_planner.plan.margin import expected_misses, uncertain_state, upright_room
+from dlo_planner.plan.margin import expected_misses, rating, uncertain_state, upright_room
 from dlo_planner.tasks import Requirements
 
 GRAVITY = (0.0, 0.0, -9.80665)
@@ -300,3 +300,16 @@ def test_meshes_that_differ_from_waypoint_to_waypoint_are_no_leap():
     meshes = [shape.s for shape in found.shapes]
     assert any(one.size == other.size and not np.array_equal(one, other)
                for one, other in zip(meshes, meshes[1:], strict=False))
+
+
+def test_hardly_any_clearance_is_never_the_best():
+    # copper of 1.5 mm through 20 mm: it is known so badly that either plan may miss; upright it
+    # passes more often than beside the sheet, where it is known better
+    clearance, margin = np.array([0.45e-3, 9.25e-3, 3e-3]), np.array([-5e-3, -25e-3, 1e-3])
+    rated = rating(clearance, margin, 9.25e-3)
+    assert rated[0] < rated[1] < 0 < rated[2]
+    assert rating(np.zeros(1), np.array([-1e-9]), 1.0) == pytest.approx(-1)
+    wire = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+    found = plan(wire, hole(0), depths=np.linspace(0, 0.9, 20))
+    assert found.misalignment.max() < 1e-8
+    assert found == plan(wire, hole(0), depths=np.linspace(0, 0.9, 20), max_misalignment=0)
