@@ -57,7 +57,7 @@ from dlo_planner.plan.waypoint import waypoint_at
 from dlo_planner.uncertainty.parameters import Uncertainty
 
 _STEP = 0.2         # of the room of an upright DLO, between points that are looked at: 1 % of error
-_LEAST = 0.05       # of the room of an upright DLO: less is lost between grid and plan
+_LEAST = 0.01       # of the room of an upright DLO: less is lost between grid and plan
 _DEPTHS = 24        # that are looked at
 _TURN = 0.03        # per rad^2 between two depths, against the square of the part of room lost
 _FARTHEST = 0.5     # rad of the gripper, and the sine of it, between two depths looked at
