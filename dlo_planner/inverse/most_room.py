@@ -59,6 +59,7 @@ from dlo_planner.uncertainty.parameters import Uncertainty
 _STEP = 0.2         # of the room of an upright DLO, between points that are looked at: 1 % of error
 _LEAST = 0.05       # of the room of an upright DLO: less is lost between grid and plan
 _DEPTHS = 24        # that are looked at
+_STEEPEST = 0.98    # of the largest angle that is allowed: smoothing turns a way a little
 _TURN = 0.03        # per rad^2 between two depths, against the square of the part of room lost
 _FARTHEST = 0.5     # rad of the gripper, and the sine of it, between two depths looked at
 _SHIFT = 0.3        # of the length, the same
@@ -112,19 +113,26 @@ class RoomyWay:
         return rotations
 
 
-def thread_with_most_room(simulator: DirectSimulator, task: Threading, most: float) -> Plan:
+def search_of(simulator: DirectSimulator, task: Threading) -> RoomSearch:
+    """Return the RoomSearch for plans of a Threading, or of others with its depths and demands."""
+    return RoomSearch(quick_simulator(simulator), task.demands, np.unique(np.linspace(
+        task.depths[0], task.depths[-1], _DEPTHS)))
+
+
+def thread_with_most_room(simulator: DirectSimulator, task: Threading, most: float,
+                          search: RoomSearch | None = None) -> Plan:
     """Return the Plan of a Threading through one cut-out with the largest margin that was found.
 
-    The DLO passes obliquely by `most` at most, rad. Infeasible: none was found.
+    The DLO passes obliquely by `most` at most, rad. `search`: one by `search_of`, where it is used
+    again. Infeasible: none was found.
     """
-    depths = np.unique(np.linspace(task.depths[0], task.depths[-1], _DEPTHS))
-    way = RoomSearch(quick_simulator(simulator), task.demands, depths).way(task, most)
+    way = (search or search_of(simulator, task)).way(task, _STEEPEST * most)
     if isinstance(way, NoRoom):
         raise way.refusal(task)
     refused: Infeasible | None = None
     for firm in _FIRM:
         try:
-            return _along(simulator, task, way.smoothed(firm, task.depths))
+            return _along(simulator, task, way.smoothed(firm, task.depths), most)
         except Infeasible as error:
             if refused is None or error.waypoint > refused.waypoint:
                 refused = error
@@ -132,8 +140,11 @@ def thread_with_most_room(simulator: DirectSimulator, task: Threading, most: flo
     raise refused
 
 
-def _along(simulator: DirectSimulator, task: Threading, grippers: Floats) -> Plan:
-    """Return the Plan in which the gripper has rotations (n, 3, 3) at the depths."""
+def _along(simulator: DirectSimulator, task: Threading, grippers: Floats, most: float) -> Plan:
+    """Return the Plan in which the gripper has rotations (n, 3, 3) at the depths.
+
+    The DLO passes obliquely by `most` at most, rad.
+    """
     cutout, length = task.cutouts[0], simulator.rod.length
     holes, builder = task.holes(length), PlanBuilder(task.depths, task.demands,
                                                      initial=task.initial)
@@ -152,8 +163,11 @@ def _along(simulator: DirectSimulator, task: Threading, grippers: Floats) -> Pla
                                              'shape on the way there')
         waypoint = waypoint_at(shape, cutout.center, s, axes[:, 0], (axes, cutout.center))
         across = float(np.linalg.norm(np.cross(axes[:, 0], cutout.normal)))
-        builder.add(holes.passed(waypoint._replace(misalignment=float(
-            np.arctan2(across, axes[:, 0] @ cutout.normal)))))
+        angle = float(np.arctan2(across, axes[:, 0] @ cutout.normal))
+        if angle > most:
+            raise builder.refusal('max_misalignment', angle - most, 'the DLO would pass at '
+                                  f'{angle:.4g} rad, max_misalignment = {most:.4g} rad', 'rad')
+        builder.add(holes.passed(waypoint._replace(misalignment=angle)))
     return builder.finished()
 
 

@@ -132,6 +132,13 @@ def test_no_more_oblique_than_allowed():
         plan(WIRE, hole(0), max_misalignment=0.1)
 
 
+@pytest.mark.parametrize('most', [0.3, 0.7])
+def test_a_smooth_way_is_no_more_oblique_than_allowed(most):
+    # smoothed, the way on the grid passed at 0.7052 rad where 0.7 were allowed
+    found = plan(WIRE, hole(-10), max_misalignment=most)
+    assert 0.9 * most < found.misalignment.max() <= most
+
+
 @pytest.mark.parametrize('angle', [-0.1, 2.0, np.nan, 'x'])
 def test_an_angle_that_makes_no_sense_is_refused(angle):
     with pytest.raises(InvalidTask, match='max_misalignment'):
