@@ -14,29 +14,41 @@ from dataclasses import replace
 import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.most_room import RoomSearch, RoomyWay, thread_with_most_room
+from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.inverse.most_room import (
+    RoomSearch,
+    RoomyWay,
+    search_of,
+    thread_with_most_room,
+)
 from dlo_planner.inverse.route import Threading, quick_simulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Obstacle, Sheet
 from dlo_planner.model.pose import Pose, turned_by
+from dlo_planner.progress import Progress
 
 _DEPTHS = 12        # that are looked at
-_HALVINGS = 8       # of a lever's range, 1 % of it
+_HALVINGS = 12      # of a lever's range at most:
+_PRECISION = 0.02   # until the bound is known to a part of itself and of how far the lever is moved
 _SHORTEST = 0.05    # of the length: what a hand can hold on to is longer
 _WIDEST = 8.0       # times the size of the hole
-_BACK = 0.97, 0.94  # parts of a lever that are tried by a plan, from what the search found
+_BACK = 0.005       # of the range: back from what the search found by this, then by twice as much
+_FARTHEST = 0.15    # each, until there is a plan, by this at most
+_CLOSER = 2         # halvings of the last step back
 
 
 def advice(simulator: DirectSimulator, task: Threading, most: float) -> str:
     """Return in words what would let a DLO through the hole of a Threading that is refused.
 
-    `most`: largest angle at which the DLO may pass, rad. '' if none of the levers does.
+    `most`: largest angle at which the DLO may pass, rad. '' if none of the levers does. It is asked
+    for when the plan has ended, so the deadline of the plan is none of it.
     """
+    task = replace(task, demands=replace(task.demands, progress=Progress()))
+    shapes = _search(simulator, task), search_of(simulator, task)  # of the levers of the hole
     found = [words for words in (_held_nearer(simulator, task, most),
-                                 _turned(simulator, task, most),
-                                 _larger(simulator, task, most)) if words]
+                                 _turned(simulator, task, most, *shapes),
+                                 _larger(simulator, task, most, *shapes)) if words]
     return f'it would pass {", or ".join(found)}' if found else ''
 
 
@@ -58,7 +70,8 @@ def _held_nearer(simulator: DirectSimulator, task: Threading, most: float) -> st
     return '' if free is None else f'if held at most {free:.3g} m from its end'
 
 
-def _turned(simulator: DirectSimulator, task: Threading, most: float) -> str:
+def _turned(simulator: DirectSimulator, task: Threading, most: float, search: RoomSearch,
+            exact: RoomSearch) -> str:
     """Return by how much the sheet would have to be turned downwards, in words."""
     up = -np.asarray(simulator.surroundings.gravity)
     up = up / np.linalg.norm(up) if up.any() else np.array([0.0, 0.0, 1.0])
@@ -70,7 +83,6 @@ def _turned(simulator: DirectSimulator, task: Threading, most: float) -> str:
     furthest = float(np.pi - np.arccos(np.clip(cutout.normal @ up, -1, 1)))
     if furthest < 1e-3:
         return ''
-    search = _search(simulator, task)
 
     def turned(left: float) -> Threading:
         pose = Pose.from_rotation(cutout.center, turned_by((furthest - left) * across)
@@ -78,22 +90,33 @@ def _turned(simulator: DirectSimulator, task: Threading, most: float) -> str:
         return _with(task, replace(cutout, pose=pose))
 
     left = _bound(lambda left: isinstance(search.way(turned(left), most), RoomyWay), furthest, 0.0,
-                  lambda left: _planned(simulator, turned(left), most))
+                  lambda left: _planned(simulator, turned(left), most, exact))
     return '' if left is None else ('with the sheet turned downwards by '
                                     f'{np.rad2deg(furthest - left):.3g} degrees')
 
 
-def _larger(simulator: DirectSimulator, task: Threading, most: float) -> str:
+def _larger(simulator: DirectSimulator, task: Threading, most: float, search: RoomSearch,
+            exact: RoomSearch) -> str:
     """Return how large the hole would have to be, in words."""
-    cutout, search = task.cutouts[0], _search(simulator, task)
+    cutout = task.cutouts[0]
 
     def scaled(part: float) -> Threading:
         return _with(task, replace(cutout, **{
             name: size / part for name in ('radius', 'width', 'height')
             if (size := getattr(cutout, name)) is not None}))
 
-    part = _bound(lambda part: isinstance(search.way(scaled(part), most), RoomyWay), 1.0,
-                  1 / _WIDEST, lambda part: _planned(simulator, scaled(part), most))
+    def fits(part: float) -> bool:
+        try:
+            scaled(part)
+        except InvalidTask:  # the sheet is smaller
+            return False
+        return True
+
+    widest = next((part for part in np.geomspace(1 / _WIDEST, 1.0, _HALVINGS, endpoint=False)
+                   .tolist() if fits(part)), None)
+    part = widest and _bound(
+        lambda part: isinstance(search.way(scaled(part), most), RoomyWay), 1.0, widest,
+        lambda part: _planned(simulator, scaled(part), most, exact))
     if part is None:
         return ''
     if cutout.radius is not None:
@@ -110,10 +133,25 @@ def _bound(passes: Callable[[float], bool], refused: float, easy: float,
         return None
     good, bad = easy, refused
     for _ in range(_HALVINGS):
+        if abs(good - bad) <= _PRECISION * min(abs(good), abs(good - refused)):
+            break
         middle = np.sqrt(good * bad) if easy > 0 else 0.5 * (good + bad)
         good, bad = (middle, bad) if passes(middle) else (good, middle)
-    return next((value for part in (1.0, *_BACK)
-                 if planned(value := easy + part * (good - easy))), None)
+    if planned(good):
+        return good
+    found, back, missed = good, _BACK, 0.0
+
+    def value(part: float) -> float:
+        return found + part * (easy - found)
+
+    while not planned(value(back)):
+        missed, back = back, 2 * back
+        if back > _FARTHEST:
+            return None
+    for _ in range(_CLOSER):
+        middle = 0.5 * (missed + back)
+        missed, back = (missed, middle) if planned(value(middle)) else (middle, back)
+    return value(back)
 
 
 def _search(simulator: DirectSimulator, task: Threading) -> RoomSearch:
@@ -125,9 +163,10 @@ def _passes(simulator: DirectSimulator, task: Threading, most: float) -> bool:
     return isinstance(_search(simulator, task).way(task, most), RoomyWay)
 
 
-def _planned(simulator: DirectSimulator, task: Threading, most: float) -> bool:
+def _planned(simulator: DirectSimulator, task: Threading, most: float,
+             search: RoomSearch | None = None) -> bool:
     try:
-        thread_with_most_room(simulator, task, most)
+        thread_with_most_room(simulator, task, most, search)
     except Infeasible:
         return False
     return True
