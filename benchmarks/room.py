@@ -156,7 +156,8 @@ def _shot(nodes, stiffness, natural, force):
             turns, moments = a[:3].copy(), a[3:]
             left = moments - s[k + 1] @ turns
             held = left[:, 3:].copy()
-            minimum = minimum and np.linalg.det(held) > 0
+            # two eigenvalues change their signs at once where a shape is symmetric
+            minimum = minimum and np.linalg.eigvals(held.astype(np.complex128)).real.min() > 0
             s[k] = -np.linalg.solve(held, left[:, :3].copy())
             c[k] = -np.linalg.solve(held, rests[k, 3:] - s[k + 1] @ rests[k, :3] - c[k + 1])
         changes = np.zeros((count + 1, 6))
