@@ -43,7 +43,7 @@ from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import Judge, violated
 from dlo_planner.plan.clearance import scene_about, sheet_of
 from dlo_planner.plan.margin import (
     DEVIATIONS,
@@ -196,8 +196,9 @@ class RoomSearch:
                  rated: bool = True) -> None:
         self.simulator, self.demands, self.depths = simulator, demands, depths
         self.round = is_axisymmetric(simulator.rod)  # a roll of the gripper makes no difference
-        self.shapes = reachable_shapes(simulator, max(demands.stability, 0.0),
-                                       demands.progress.check)
+        found = reachable_shapes(simulator, max(demands.stability, 0.0), demands.progress.check)
+        self.shapes = None if found is None else found.chosen(np.array([
+            violated(demands.bend_margins(shape)) is None for shape in found.shapes]))
         self._uncertain = uncertain_state(simulator.surroundings, demands.uncertainty if rated
                                           else Uncertainty())
         self._misses: dict[int, Floats] = {}
@@ -208,6 +209,7 @@ class RoomSearch:
             return np.zeros(len(which))
         length = self.simulator.rod.length
         for k in {*which.tolist()} - self._misses.keys():
+            self.demands.progress.check()
             self._misses[k] = expected_misses(self._uncertain, self.shapes.shapes[k],
                                               length - self.depths)
         return np.array([self._misses[k][index] for k in which.tolist()])
@@ -220,6 +222,9 @@ class RoomSearch:
         shapes, depths = self.shapes, self.depths
         if shapes is None:
             return NoRoom(float(depths[0]), 'the DLO does not hang by loads along one axis')
+        if not shapes.shapes:
+            return NoRoom(float(depths[0]), 'no shape that the DLO can come to is bent as little '
+                          'as it has to be')
         passages = list(_passages(self, shapes, task, most))
         empty = next((k for k, one in enumerate(passages) if not one.which.size), None)
         if empty is not None:

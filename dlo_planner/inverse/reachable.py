@@ -20,7 +20,7 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.equilibria import common_axis, frames_with, is_axisymmetric, sphere
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, turned_by
 
 _ELEMENTS = 64           # of each shape: a search is as exact as its grid
@@ -39,6 +39,14 @@ class Reachable(NamedTuple):
     frames: Floats  # (n, N + 1, 3, 3)
     positions: Floats  # (n, N + 1, 3) m
     stability: Floats  # (n,)
+
+    def chosen(self, some: Bools) -> Reachable:
+        """Return some of the shapes (a mask)."""
+        if some.all():
+            return self
+        return self._replace(shapes=[self.shapes[k] for k in np.flatnonzero(some)], **{
+            name: getattr(self, name)[some]
+            for name in ('strains', 'frames', 'positions', 'stability')})
 
 
 def reachable_shapes(simulator: DirectSimulator, stability: float,

@@ -200,6 +200,28 @@ def test_margins_are_kept_in_files_and_pickles(level, tmp_path):
         level.margin[0] = 1.0
 
 
+def test_a_file_keeps_what_is_uncertain(tmp_path):
+    uncertainty = Uncertainty(bending_stiffness=0.05, gripper_rotation=1e-3)
+    found = InverseSimulator(DirectSimulator(WIRE, gravity=GRAVITY)).plan(
+        Thread(hole(-20), depths=[0.0, 0.01]), requirements=Requirements(uncertainty=uncertainty))
+    for name in ('plan.npz', 'plan.json'):
+        found.save(tmp_path / name)
+        again = Plan.load(tmp_path / name)
+        assert again.uncertainty == uncertainty
+        assert again == found
+
+
+def test_a_dlo_that_must_not_be_bent_passes_as_straight_as_it_has_to():
+    # the way with the most room bends it to 19 1/m
+    rod = replace(WIRE, max_bend_curvature=15.0)
+    found = plan(rod, hole(-20, 0.015))
+    assert min(shape.bend_margin for shape in found.shapes) >= 0
+    assert found.clearance.min() > 1e-3
+    assert plan(WIRE, hole(-20, 0.015)).margin.min() > found.margin.min()
+    with pytest.raises(Infeasible, match='bent as little as it has to be'):
+        plan(replace(BENT, max_bend_curvature=1.0), hole(-20))
+
+
 def test_a_thick_sheet_and_a_rectangular_hole():
     cutout = replace(hole(-20), radius=None, width=0.03, height=0.02)
     plate = Sheet(cutout.pose, 1.0, 1.0, 0.006, (cutout,))
