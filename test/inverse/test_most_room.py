@@ -24,6 +24,7 @@ from dlo_planner import (
     robustness,
 )
 from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse import most_room
 from dlo_planner.inverse.reachable import reachable_shapes
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.margin import expected_misses, uncertain_state, upright_room
@@ -137,6 +138,13 @@ def test_a_smooth_way_is_no_more_oblique_than_allowed(most):
     # smoothed, the way on the grid passed at 0.7052 rad where 0.7 were allowed
     found = plan(WIRE, hole(-10), max_misalignment=most)
     assert 0.9 * most < found.misalignment.max() <= most
+
+
+def test_no_way_is_bent_round_its_limit(monkeypatch):
+    # a search right up to the limit: the smoothest way exceeds it, and is refused for another
+    monkeypatch.setattr(most_room, '_STEEPEST', 1.0)
+    found = plan(WIRE, hole(-10), max_misalignment=0.7)
+    assert 0.68 < found.misalignment.max() <= 0.7
 
 
 @pytest.mark.parametrize('angle', [-0.1, 2.0, np.nan, 'x'])
