@@ -67,7 +67,7 @@ def _held_nearer(simulator: DirectSimulator, task: Threading, most: float) -> st
 
     free = _bound(lambda free: _passes(*held(free), most), length, _SHORTEST * length,
                   lambda free: _planned(*held(free), most))
-    return '' if free is None else f'if held at most {free:.3g} m from its end'
+    return '' if free is None else f'if held at most {_said(free, np.floor)} m from its end'
 
 
 def _turned(simulator: DirectSimulator, task: Threading, most: float, search: RoomSearch,
@@ -92,7 +92,7 @@ def _turned(simulator: DirectSimulator, task: Threading, most: float, search: Ro
     left = _bound(lambda left: isinstance(search.way(turned(left), most), RoomyWay), furthest, 0.0,
                   lambda left: _planned(simulator, turned(left), most, exact))
     return '' if left is None else ('with the sheet turned downwards by '
-                                    f'{np.rad2deg(furthest - left):.3g} degrees')
+                                    f'{_said(np.rad2deg(furthest - left), np.ceil)} degrees')
 
 
 def _larger(simulator: DirectSimulator, task: Threading, most: float, search: RoomSearch,
@@ -120,10 +120,17 @@ def _larger(simulator: DirectSimulator, task: Threading, most: float, search: Ro
     if part is None:
         return ''
     if cutout.radius is not None:
-        return f'through a hole of radius {cutout.radius / part:.3g} m'
+        return f'through a hole of radius {_said(cutout.radius / part, np.ceil)} m'
     assert cutout.width is not None  # it has a size
     assert cutout.height is not None
-    return f'through a hole of {cutout.width / part:.3g} m by {cutout.height / part:.3g} m'
+    return (f'through a hole of {_said(cutout.width / part, np.ceil)} m by '
+            f'{_said(cutout.height / part, np.ceil)} m')
+
+
+def _said(value: float, rounded: Callable[[float], float]) -> str:
+    """Return a number > 0 with three digits, `rounded` to the side where there is a plan."""
+    unit = 10.0**(np.floor(np.log10(value)) - 2)
+    return f'{rounded(value / unit) * unit:.3g}'
 
 
 def _bound(passes: Callable[[float], bool], refused: float, easy: float,

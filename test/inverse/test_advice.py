@@ -84,3 +84,11 @@ def test_no_hole_is_larger_than_its_sheet():
     cutout = hole(40, 0.02)
     sheet = Sheet(cutout.pose, 0.1, 0.1, 0.004, (cutout,))
     assert 'held at most' in refusal(SOFT, cutout, obstacles=[sheet]).advice
+
+
+def test_a_hole_that_is_narrower_than_the_dlo_is_to_be_larger():
+    advice = refusal(WIRE, hole(-20, 0.001)).advice
+    radius = number('of radius', advice)
+    assert radius > WIRE.radius
+    assert 'held' not in advice
+    assert len(thread(WIRE, hole(-20, radius))) == 40  # rounded up: 1.5 mm is as wide as the DLO
