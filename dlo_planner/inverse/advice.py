@@ -14,115 +14,151 @@ from dataclasses import replace
 import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.most_room import RoomSearch, RoomyWay, thread_with_most_room
+from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.inverse.most_room import (
+    RoomSearch,
+    RoomyWay,
+    search_of,
+    thread_with_most_room,
+)
 from dlo_planner.inverse.route import Threading, quick_simulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Obstacle, Sheet
 from dlo_planner.model.pose import Pose, turned_by
+from dlo_planner.progress import Progress
 
 _DEPTHS = 12        # that are looked at
-_HALVINGS = 8       # of a lever's range, 1 % of it
+_HALVINGS = 12      # of a lever's range at most:
+_PRECISION = 0.02   # until the bound is known to a part of itself and of how far the lever is moved
 _SHORTEST = 0.05    # of the length: what a hand can hold on to is longer
 _WIDEST = 8.0       # times the size of the hole
-_STEP, _STEPS = 0.04, 3  # parts by which a lever is moved on until there is a plan, and no further
-_EXACT = 1e-3       # of the length: accuracy of a trial
-_VERTICAL = 1e-6    # rad, about
+_BACK = 0.005       # of the range: back from what the search found by this, then by twice as much
+_FARTHEST = 0.15    # each, until there is a plan, by this at most
+_CLOSER = 2         # halvings of the last step back
 
 
 def advice(simulator: DirectSimulator, task: Threading, most: float) -> str:
     """Return in words what would let a DLO through the hole of a Threading that is refused.
 
-    `most`: largest angle at which the DLO may pass, rad. '' if none of the levers does.
+    `most`: largest angle at which the DLO may pass, rad. '' if none of the levers does. It is asked
+    for when the plan has ended, so the deadline of the plan is none of it.
     """
+    task = replace(task, demands=replace(task.demands, progress=Progress()))
+    shapes = _search(simulator, task), search_of(simulator, task)  # of the levers of the hole
     found = [words for words in (_held_nearer(simulator, task, most),
-                                 _turned(simulator, task, most),
-                                 _larger(simulator, task, most)) if words]
+                                 _turned(simulator, task, most, *shapes),
+                                 _larger(simulator, task, most, *shapes)) if words]
     return f'it would pass {", or ".join(found)}' if found else ''
 
 
 def _held_nearer(simulator: DirectSimulator, task: Threading, most: float) -> str:
     """Return at which distance from its end the DLO would have to be held, in words."""
-    length, around, short = simulator.rod.length, simulator.surroundings, _with(
-        task, task.cutouts[0])
+    length, around = simulator.rod.length, simulator.surroundings
 
-    def held(times: float) -> tuple[DirectSimulator, Threading]:
-        """Return the DLO that is so many times shorter, and its threading."""
-        free = length / times
+    def held(free: float) -> tuple[DirectSimulator, Threading]:
         part = around.part(length - free, 1)
         shorter = DirectSimulator(part.rod, accuracy=simulator.accuracy and min(
-            simulator.accuracy, _EXACT * free), gravity=part.gravity, load=part.load,
+            simulator.accuracy, 1e-3 * free), gravity=part.gravity, load=part.load,
             point_loads=part.point_loads)
-        return shorter, replace(short, depths=task.depths / times,
+        short = _with(task, task.cutouts[0])
+        return shorter, replace(short, depths=free / length * task.depths,
                                 demands=short.demands.made_with(shorter))
 
-    times = _least_change(lambda times: _passes(*held(times), most),
-                          lambda times: times > 1.0 and _planned(*held(times), most),
-                          1.0, 1 / _SHORTEST)
-    return '' if times is None else f'if held at most {length / times:.3g} m from its end'
+    free = _bound(lambda free: _passes(*held(free), most), length, _SHORTEST * length,
+                  lambda free: _planned(*held(free), most))
+    return '' if free is None else f'if held at most {_said(free, np.floor)} m from its end'
 
 
-def _turned(simulator: DirectSimulator, task: Threading, most: float) -> str:
+def _turned(simulator: DirectSimulator, task: Threading, most: float, search: RoomSearch,
+            exact: RoomSearch) -> str:
     """Return by how much the sheet would have to be turned downwards, in words."""
-    cutout, gravity = task.cutouts[0], np.asarray(simulator.surroundings.gravity)
-    up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
+    up = -np.asarray(simulator.surroundings.gravity)
+    up = up / np.linalg.norm(up) if up.any() else np.array([0.0, 0.0, 1.0])
+    cutout = task.cutouts[0]
     across = np.cross(up, cutout.normal)
-    if np.linalg.norm(across) < _VERTICAL:
+    if np.linalg.norm(across) < 1e-9:
         across = np.array(cutout.pose.rotation[:, 1])
     across = across / np.linalg.norm(across)
     furthest = float(np.pi - np.arccos(np.clip(cutout.normal @ up, -1, 1)))
-    search = _search(simulator, task)
+    if furthest < 1e-3:
+        return ''
 
-    def turned(angle: float) -> Threading:
-        return _with(task, replace(cutout, pose=Pose.from_rotation(
-            cutout.center, turned_by(angle * across) @ cutout.pose.rotation)))
+    def turned(left: float) -> Threading:
+        pose = Pose.from_rotation(cutout.center, turned_by((furthest - left) * across)
+                                  @ cutout.pose.rotation)
+        return _with(task, replace(cutout, pose=pose))
 
-    angle = None if furthest < _VERTICAL else _least_change(
-        lambda angle: isinstance(search.way(turned(angle), most), RoomyWay),
-        lambda angle: angle <= furthest and _planned(simulator, turned(angle), most),
-        0.0, furthest)
-    return '' if angle is None else ('with the sheet turned downwards by '
-                                     f'{np.rad2deg(angle):.3g} degrees')
+    left = _bound(lambda left: isinstance(search.way(turned(left), most), RoomyWay), furthest, 0.0,
+                  lambda left: _planned(simulator, turned(left), most, exact))
+    return '' if left is None else ('with the sheet turned downwards by '
+                                    f'{_said(np.rad2deg(furthest - left), np.ceil)} degrees')
 
 
-def _larger(simulator: DirectSimulator, task: Threading, most: float) -> str:
+def _larger(simulator: DirectSimulator, task: Threading, most: float, search: RoomSearch,
+            exact: RoomSearch) -> str:
     """Return how large the hole would have to be, in words."""
-    cutout, search = task.cutouts[0], _search(simulator, task)
+    cutout = task.cutouts[0]
 
-    def scaled(times: float) -> CutOut:
-        return replace(cutout, **{name: times * size for name in ('radius', 'width', 'height')
-                                  if (size := getattr(cutout, name)) is not None})
+    def scaled(part: float) -> Threading:
+        return _with(task, replace(cutout, **{
+            name: size / part for name in ('radius', 'width', 'height')
+            if (size := getattr(cutout, name)) is not None}))
 
-    times = _least_change(
-        lambda times: isinstance(search.way(_with(task, scaled(times)), most), RoomyWay),
-        lambda times: times > 1.0 and _planned(simulator, _with(task, scaled(times)), most),
-        1.0, _WIDEST)
-    if times is None:
+    def fits(part: float) -> bool:
+        try:
+            scaled(part)
+        except InvalidTask:  # the sheet is smaller
+            return False
+        return True
+
+    widest = next((part for part in np.geomspace(1 / _WIDEST, 1.0, _HALVINGS, endpoint=False)
+                   .tolist() if fits(part)), None)
+    part = widest and _bound(
+        lambda part: isinstance(search.way(scaled(part), most), RoomyWay), 1.0, widest,
+        lambda part: _planned(simulator, scaled(part), most, exact))
+    if part is None:
         return ''
     if cutout.radius is not None:
-        return f'through a hole of radius {times * cutout.radius:.3g} m'
-    one = scaled(times)
-    return f'through a hole of {one.width:.3g} m by {one.height:.3g} m'
+        return f'through a hole of radius {_said(cutout.radius / part, np.ceil)} m'
+    assert cutout.width is not None  # it has a size
+    assert cutout.height is not None
+    return (f'through a hole of {_said(cutout.width / part, np.ceil)} m by '
+            f'{_said(cutout.height / part, np.ceil)} m')
 
 
-def _least_change(passes: Callable[[float], bool], planned: Callable[[float], bool],
-                  refused: float, furthest: float) -> float | None:
-    """Return the least change with which there is a plan, or None; more makes it easier."""
-    if not passes(furthest):
+def _said(value: float, rounded: Callable[[float], float]) -> str:
+    """Return a number > 0 with three digits, `rounded` to the side where there is a plan."""
+    unit = 10.0**(np.floor(np.log10(value)) - 2)
+    return f'{rounded(value / unit) * unit:.3g}'
+
+
+def _bound(passes: Callable[[float], bool], refused: float, easy: float,
+           planned: Callable[[float], bool]) -> float | None:
+    """Return the value of a lever nearest to `refused` with which there is a plan, or None."""
+    if not passes(easy):
         return None
-    good, bad = furthest, refused
+    good, bad = easy, refused
     for _ in range(_HALVINGS):
-        middle = np.sqrt(good * bad) if refused > 0 else 0.5 * (good + bad)
+        if abs(good - bad) <= _PRECISION * min(abs(good), abs(good - refused)):
+            break
+        middle = np.sqrt(good * bad) if easy > 0 else 0.5 * (good + bad)
         good, bad = (middle, bad) if passes(middle) else (good, middle)
-    # the grid is coarse: what counts is the plan
-    tried = float(good)
-    if planned(tried):
-        while planned(tried * (1 - _STEP)):
-            tried *= 1 - _STEP
-        return tried
-    return next((value for k in range(1, _STEPS)
-                 if planned(value := float(good) * (1 + _STEP)**k)), None)
+    if planned(good):
+        return good
+    found, back, missed = good, _BACK, 0.0
+
+    def value(part: float) -> float:
+        return found + part * (easy - found)
+
+    while not planned(value(back)):
+        missed, back = back, 2 * back
+        if back > _FARTHEST:
+            return None
+    for _ in range(_CLOSER):
+        middle = 0.5 * (missed + back)
+        missed, back = (missed, middle) if planned(value(middle)) else (middle, back)
+    return value(back)
 
 
 def _search(simulator: DirectSimulator, task: Threading) -> RoomSearch:
@@ -134,9 +170,10 @@ def _passes(simulator: DirectSimulator, task: Threading, most: float) -> bool:
     return isinstance(_search(simulator, task).way(task, most), RoomyWay)
 
 
-def _planned(simulator: DirectSimulator, task: Threading, most: float) -> bool:
+def _planned(simulator: DirectSimulator, task: Threading, most: float,
+             search: RoomSearch | None = None) -> bool:
     try:
-        thread_with_most_room(simulator, task, most)
+        thread_with_most_room(simulator, task, most, search)
     except Infeasible:
         return False
     return True

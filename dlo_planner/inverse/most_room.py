@@ -43,7 +43,7 @@ from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import Judge, violated
 from dlo_planner.plan.clearance import scene_about, sheet_of
 from dlo_planner.plan.margin import (
     DEVIATIONS,
@@ -59,6 +59,7 @@ from dlo_planner.uncertainty.parameters import Uncertainty
 _STEP = 0.2         # of the room of an upright DLO, between points that are looked at: 1 % of error
 _LEAST = 0.01       # of the room of an upright DLO: less is lost between grid and plan
 _DEPTHS = 24        # that are looked at
+_STEEPEST = 0.98    # of the largest angle that is allowed: smoothing turns a way a little
 _TURN = 0.03        # per rad^2 between two depths, against the square of the part of room lost
 _FARTHEST = 0.5     # rad of the gripper, and the sine of it, between two depths looked at
 _SHIFT = 0.3        # of the length, the same
@@ -112,19 +113,26 @@ class RoomyWay:
         return rotations
 
 
-def thread_with_most_room(simulator: DirectSimulator, task: Threading, most: float) -> Plan:
+def search_of(simulator: DirectSimulator, task: Threading) -> RoomSearch:
+    """Return the RoomSearch for plans of a Threading, or of others with its depths and demands."""
+    return RoomSearch(quick_simulator(simulator), task.demands, np.unique(np.linspace(
+        task.depths[0], task.depths[-1], _DEPTHS)))
+
+
+def thread_with_most_room(simulator: DirectSimulator, task: Threading, most: float,
+                          search: RoomSearch | None = None) -> Plan:
     """Return the Plan of a Threading through one cut-out with the largest margin that was found.
 
-    The DLO passes obliquely by `most` at most, rad. Infeasible: none was found.
+    The DLO passes obliquely by `most` at most, rad. `search`: one by `search_of`, where it is used
+    again. Infeasible: none was found.
     """
-    depths = np.unique(np.linspace(task.depths[0], task.depths[-1], _DEPTHS))
-    way = RoomSearch(quick_simulator(simulator), task.demands, depths).way(task, most)
+    way = (search or search_of(simulator, task)).way(task, _STEEPEST * most)
     if isinstance(way, NoRoom):
         raise way.refusal(task)
     refused: Infeasible | None = None
     for firm in _FIRM:
         try:
-            return _along(simulator, task, way.smoothed(firm, task.depths))
+            return _along(simulator, task, way.smoothed(firm, task.depths), most)
         except Infeasible as error:
             if refused is None or error.waypoint > refused.waypoint:
                 refused = error
@@ -132,8 +140,11 @@ def thread_with_most_room(simulator: DirectSimulator, task: Threading, most: flo
     raise refused
 
 
-def _along(simulator: DirectSimulator, task: Threading, grippers: Floats) -> Plan:
-    """Return the Plan in which the gripper has rotations (n, 3, 3) at the depths."""
+def _along(simulator: DirectSimulator, task: Threading, grippers: Floats, most: float) -> Plan:
+    """Return the Plan in which the gripper has rotations (n, 3, 3) at the depths.
+
+    The DLO passes obliquely by `most` at most, rad.
+    """
     cutout, length = task.cutouts[0], simulator.rod.length
     holes, builder = task.holes(length), PlanBuilder(task.depths, task.demands,
                                                      initial=task.initial)
@@ -152,8 +163,11 @@ def _along(simulator: DirectSimulator, task: Threading, grippers: Floats) -> Pla
                                              'shape on the way there')
         waypoint = waypoint_at(shape, cutout.center, s, axes[:, 0], (axes, cutout.center))
         across = float(np.linalg.norm(np.cross(axes[:, 0], cutout.normal)))
-        builder.add(holes.passed(waypoint._replace(misalignment=float(
-            np.arctan2(across, axes[:, 0] @ cutout.normal)))))
+        angle = float(np.arctan2(across, axes[:, 0] @ cutout.normal))
+        if angle > most:
+            raise builder.refusal('max_misalignment', angle - most, 'the DLO would pass at '
+                                  f'{angle:.4g} rad, max_misalignment = {most:.4g} rad', 'rad')
+        builder.add(holes.passed(waypoint._replace(misalignment=angle)))
     return builder.finished()
 
 
@@ -182,8 +196,9 @@ class RoomSearch:
                  rated: bool = True) -> None:
         self.simulator, self.demands, self.depths = simulator, demands, depths
         self.round = is_axisymmetric(simulator.rod)  # a roll of the gripper makes no difference
-        self.shapes = reachable_shapes(simulator, max(demands.stability, 0.0),
-                                       demands.progress.check)
+        found = reachable_shapes(simulator, max(demands.stability, 0.0), demands.progress.check)
+        self.shapes = None if found is None else found.chosen(np.array([
+            violated(demands.bend_margins(shape)) is None for shape in found.shapes]))
         self._uncertain = uncertain_state(simulator.surroundings, demands.uncertainty if rated
                                           else Uncertainty())
         self._misses: dict[int, Floats] = {}
@@ -194,6 +209,7 @@ class RoomSearch:
             return np.zeros(len(which))
         length = self.simulator.rod.length
         for k in {*which.tolist()} - self._misses.keys():
+            self.demands.progress.check()
             self._misses[k] = expected_misses(self._uncertain, self.shapes.shapes[k],
                                               length - self.depths)
         return np.array([self._misses[k][index] for k in which.tolist()])
@@ -206,6 +222,9 @@ class RoomSearch:
         shapes, depths = self.shapes, self.depths
         if shapes is None:
             return NoRoom(float(depths[0]), 'the DLO does not hang by loads along one axis')
+        if not shapes.shapes:
+            return NoRoom(float(depths[0]), 'no shape that the DLO can come to is bent as little '
+                          'as it has to be')
         passages = list(_passages(self, shapes, task, most))
         empty = next((k for k, one in enumerate(passages) if not one.which.size), None)
         if empty is not None:

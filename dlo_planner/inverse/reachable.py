@@ -26,7 +26,7 @@ from dlo_planner.inverse.equilibria import (
     is_axisymmetric,
     sphere,
 )
-from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.pose import Pose, turned_by
 
 _ELEMENTS = 64           # of each shape: a search is as exact as its grid
@@ -53,6 +53,14 @@ class Reachable(NamedTuple):
         """The same as HangingShapes."""
         return HangingShapes(self.up, self.s, self.frames, self.positions, self.stability,
                              self.edges, self.spacing)
+
+    def chosen(self, some: Bools) -> Reachable:
+        """Return some of the shapes (a mask)."""
+        if some.all():
+            return self
+        return self._replace(shapes=[self.shapes[k] for k in np.flatnonzero(some)], **{
+            name: getattr(self, name)[some]
+            for name in ('strains', 'frames', 'positions', 'stability')})
 
 
 def reachable_shapes(simulator: DirectSimulator, stability: float,

@@ -122,7 +122,7 @@ class Judge:
 
         `commanded`: where the robot is told to be, if that is not where the gripper is.
         """
-        shape, rod = waypoint.shape, waypoint.shape.rod
+        shape = waypoint.shape
         if self.workspace is not None:
             name, room = self.workspace.min_margin(commanded or shape.gripper)
             yield Margin(name, room, f'the gripper is {{over:.3g}} m beyond {name}')
@@ -169,6 +169,11 @@ class Judge:
                              f'most {name} = {{limit:g}} {unit} is allowed', most, limit, unit)
         yield Margin('self_distance', -in_itself(shape, self.surface), 'the DLO would lie '
                      '{over:.3g} m in itself: nothing holds its pieces off each other')
+        yield from self.bend_margins(shape)
+
+    def bend_margins(self, shape: Shape) -> Iterator[Margin]:
+        """Yield how much of the demands on bends and twists a Shape leaves, wherever it is."""
+        rod = shape.rod
         if rod is not None and rod.max_bend_curvature is not None:
             yield Margin('max_bend_curvature', shape.bend_margin, 'the DLO is bent by {over:.3g} '
                          '1/m more than max_bend_curvature = {limit:g} 1/m',

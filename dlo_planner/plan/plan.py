@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from functools import cached_property
 from os import PathLike
@@ -510,7 +510,8 @@ def plan_tree(plan: Plan) -> dict[str, Any]:
               for k, points in enumerate(plan.via_points) for center, s, normal in points]
     return {**{key: getattr(plan, name) for key, name in _ARRAYS.items()},
             'grippers': np.array([pose_row(gripper) for gripper in plan.grippers]).reshape(-1, 7),
-            'margin': plan.margin,
+            'margin': plan.margin, 'uncertainty': json.dumps(
+                None if plan.uncertainty is None else asdict(plan.uncertainty)),
             'fraction': plan.fraction, 'status': plan.status.value,
             'insertion_status': np.array(plan.insertion_status, dtype=str),
             'passes': np.array(passes).reshape(-1, 8),
@@ -528,11 +529,13 @@ def plan_of(tree: Mapping[str, Any]) -> Plan:
         via_points[int(k)].append((np.array(numbers[:3]), float(numbers[3]),
                                None if np.isnan(normal).any() else normal))
     known: dict[str, Any] = {name: tree[key] for key, name in _ARRAYS.items() if key in tree}
+    known_to = json.loads(str(tree.get('uncertainty', 'null')))
     plan = Plan(**known | {
         'grippers': grippers, 'shapes': [unpack(tree[str(k)]) for k in range(len(grippers))],
         'sheets': [(_read_sheet(one), np.array(one['normal']))
                    for one in json.loads(str(tree['sheets']))],
         'via_points': [tuple(one) for one in via_points], 'fraction': float(tree['fraction']),
+        'uncertainty': None if known_to is None else Uncertainty(**known_to),
         'status': PlanStatus(str(tree['status'])),
         'insertion_status': tuple(np.asarray(tree.get('insertion_status', ())).tolist()),
         'stops': tuple(int(stop) for stop in tree['stops'])})

@@ -25,6 +25,7 @@ from dlo_planner import (
     robustness,
 )
 from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse import most_room
 from dlo_planner.inverse.reachable import reachable_shapes
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.margin import expected_misses, rating, uncertain_state, upright_room
@@ -133,6 +134,20 @@ def test_no_more_oblique_than_allowed():
         plan(WIRE, hole(0), max_misalignment=0.1)
 
 
+@pytest.mark.parametrize('most', [0.3, 0.7])
+def test_a_smooth_way_is_no_more_oblique_than_allowed(most):
+    # smoothed, the way on the grid passed at 0.7052 rad where 0.7 were allowed
+    found = plan(WIRE, hole(-10), max_misalignment=most)
+    assert 0.9 * most < found.misalignment.max() <= most
+
+
+def test_no_way_is_bent_round_its_limit(monkeypatch):
+    # a search right up to the limit: the smoothest way exceeds it, and is refused for another
+    monkeypatch.setattr(most_room, '_STEEPEST', 1.0)
+    found = plan(WIRE, hole(-10), max_misalignment=0.7)
+    assert 0.68 < found.misalignment.max() <= 0.7
+
+
 @pytest.mark.parametrize('angle', [-0.1, 2.0, np.nan, 'x'])
 def test_an_angle_that_makes_no_sense_is_refused(angle):
     with pytest.raises(InvalidTask, match='max_misalignment'):
@@ -192,6 +207,28 @@ def test_margins_are_kept_in_files_and_pickles(level, tmp_path):
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(level)).margin, level.margin)
     with pytest.raises(ValueError, match='read-only'):
         level.margin[0] = 1.0
+
+
+def test_a_file_keeps_what_is_uncertain(tmp_path):
+    uncertainty = Uncertainty(bending_stiffness=0.05, gripper_rotation=1e-3)
+    found = InverseSimulator(DirectSimulator(WIRE, gravity=GRAVITY)).plan(
+        Thread(hole(-20), depths=[0.0, 0.01]), requirements=Requirements(uncertainty=uncertainty))
+    for name in ('plan.npz', 'plan.json'):
+        found.save(tmp_path / name)
+        again = Plan.load(tmp_path / name)
+        assert again.uncertainty == uncertainty
+        assert again == found
+
+
+def test_a_dlo_that_must_not_be_bent_passes_as_straight_as_it_has_to():
+    # the way with the most room bends it to 19 1/m
+    rod = replace(WIRE, max_bend_curvature=15.0)
+    found = plan(rod, hole(-20, 0.015))
+    assert min(shape.bend_margin for shape in found.shapes) >= 0
+    assert found.clearance.min() > 1e-3
+    assert plan(WIRE, hole(-20, 0.015)).margin.min() > found.margin.min()
+    with pytest.raises(Infeasible, match='bent as little as it has to be'):
+        plan(replace(BENT, max_bend_curvature=1.0), hole(-20))
 
 
 def test_a_thick_sheet_and_a_rectangular_hole():

@@ -387,10 +387,12 @@ class Thread(Task):
         along = partial(with_certificate, partial(thread, free, task),
                         partial(certificate, free, self.cutout, task.depths))
         room = upright_room(self.cutout, task.demands.surface)
-        if self.max_misalignment == 0 or not 0 < room < np.inf:
+        if self.max_misalignment == 0 or room == np.inf:
             return along()
         most = np.inf if self.max_misalignment is None else self.max_misalignment
         try:
+            if room <= 0:  # no direction is better
+                return along()
             return _with_room(along, partial(thread_with_most_room, free, task, most), room,
                               partial(best_rating, free, task.demands.uncertainty, room))
         except Infeasible as error:
