@@ -6,6 +6,7 @@ test_kernels.py watches that no kernel is left out.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,8 @@ def answers() -> None:
         lying.solve(level, lying.solve(level))
     yielding = Rod(1.0, 0.01, 1.0, 1.0, yield_curvature=0.01, hardening=0.5)
     DirectSimulator(yielding, n_elements=16, n_terms=4).solve(level)
+    soft = Rod(1.0, 0.05, 0.03, 0.02, radius=2e-3)  # which passes obliquely
+    InverseSimulator(DirectSimulator(soft)).thread(replace(holes[0], radius=0.05))
 
 
 def proofs() -> None:
