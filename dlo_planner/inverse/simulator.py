@@ -331,7 +331,9 @@ class InverseSimulator(Value):
         cutouts : iterable of CutOut
             The cut-outs, in the order in which they are passed.
         weights : array_like, shape (k,), optional
-            Weights of their distances. If None, all alike.
+            Weights of their distances. If None, as 1 / room that the DLO has in them, so that a
+            wide one may be missed farther; where that leaves too little room in one, it counts
+            more. All alike where one has no size.
         depths : array_like, optional
             As for `thread`, from the first cut-out on.
 
