@@ -294,7 +294,9 @@ class InverseSimulator(Value):
 
         From where the free end reaches the second center, both are hit at once; before, the first
         one is passed along the direction that it then has, so that the path is continuous. A plan
-        whose first depth is beyond that may begin in any shape that passes both.
+        whose first depth is beyond that may begin in any shape that passes both. Where the DLO
+        takes no such shape, as a soft cable mostly does not, and both cut-outs have a size, it
+        passes beside the centers, within the cut-outs: both lose the same part of their room.
 
         Parameters
         ----------
@@ -306,7 +308,8 @@ class InverseSimulator(Value):
         Returns
         -------
         Plan
-            `position_error` is the larger of both distances, `misalignment` is 0.
+            `position_errors` are both distances, `position_error` is the larger one,
+            `misalignment` is 0.
 
         Raises
         ------
