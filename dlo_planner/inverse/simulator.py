@@ -198,8 +198,8 @@ class InverseSimulator(Value):
                                deadline)
 
     def insert(self, bore: CutOut, *, start: Pose | None = None, depths: ArrayLike | None = None,
-               friction: float | None = None, linear_speed: float = 0.1,
-               angular_speed: float = 0.5, progress: OnProgress = None,
+               friction: float | None = None, hold_at: float | None = None,
+               linear_speed: float = 0.1, angular_speed: float = 0.5, progress: OnProgress = None,
                deadline: float | None = None) -> Plan:
         """Plan the insertion into a bore of about the DLO's diameter (paper, section 5.2).
 
@@ -219,6 +219,10 @@ class InverseSimulator(Value):
         friction : float, optional
             Coulomb's coefficient in the bore. With it and the bore's radius the force is estimated
             that pushes the DLO in (`Plan.insertion_force`). If None, it is not known.
+        hold_at : float, optional
+            Where the gripper holds the DLO, m from its beginning, as for `thread`: what is in front
+            of the gripper is inserted, depths are of its free end. Such a plan is not simulated in
+            motion. If None or 0, at its beginning.
 
         Returns
         -------
@@ -233,7 +237,7 @@ class InverseSimulator(Value):
             Infeasible where a waypoint has no stable solution, or the gripper would have to leap to
             it.
         """
-        return self._shorthand(Insert(bore, depths, friction), start, None, linear_speed,
+        return self._shorthand(Insert(bore, depths, friction, hold_at), start, None, linear_speed,
                                angular_speed, progress, deadline)
 
     def approach(self, cutout: CutOut, plan: Plan, start: Pose, *,
