@@ -5,8 +5,8 @@
 As through one cut-out (`inverse.most_room`) all shapes that the DLO can come to are looked at, at
 some depths in the first. Each is turned about the vertical so that it leads from the first center
 to the second, and displaced so that both lose the same part of their room. Dynamic programming
-finds the way; the shapes on it are followed, exact as any. The rooms of the search are those of a
-straight DLO in each hole, what it leaves counts is judged at the waypoints.
+finds the way; the shapes on it are followed, exact as any. The search takes the DLO for straight in
+each hole; what counts is the clearance at the waypoints, which are judged as those of any plan.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from dlo_planner.plan.margin import DEVIATIONS, rating, upright_room
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
-_BLEND = 0.25  # of the length: from there on the second cut-out counts
+_BLEND = 0.25  # of the length: from there on a cut-out ahead counts
 _CONE = 0.5    # by how much a DLO that aims at it may miss it, as a part of the way to it
 _MOST = 400    # shapes at a depth: those of the best rating
 
@@ -46,12 +46,19 @@ def thread_two_with_room(simulator: DirectSimulator, task: Threading) -> Plan:
         s = length - depth
         shape = carried(shape, first - shape.frame_at(s)[1])
         there, (off, _, _) = Through(second, s).nearest(shape)
-        shape = carried(shape, -float(two.part * two.share(there - length)) * off)
+        shape = carried(shape, -float(two.part * nearness(there - length, length)) * off)
         made, there = waypoint_at(shape, first, s, None), Through(second, s).passage(shape)
         return passed.passed(made.with_via_point(second, there) if there <= length else made)
 
     return planned_along(simulator, task, search.through(task, two.passages, 'both holes'),
                          waypoint)
+
+
+def nearness(beyond: Floats | float, length: float) -> Floats:
+    """Return how much cut-outs count that are so far beyond the free end of a DLO, m: 0 to 1."""
+    share = np.clip(1 - np.asarray(beyond) / (_BLEND * length), 0, 1)
+    counts: Floats = share**2 * (3 - 2 * share)
+    return counts
 
 
 class _Two:
@@ -64,12 +71,6 @@ class _Two:
         self._rooms = np.array([upright_room(one, task.demands.surface) for one in task.cutouts])
         # what the first takes of a miss: so both lose the same part of their room
         self.part = float(self._rooms[0] / self._rooms.sum())
-
-    def share(self, beyond: Floats | float) -> Floats:
-        """Return how much the second counts for a DLO that ends so far before it, m: 0 to 1."""
-        share = np.clip(1 - np.asarray(beyond) / (_BLEND * self._search.simulator.rod.length), 0, 1)
-        counts: Floats = share**2 * (3 - 2 * share)
-        return counts
 
     def passages(self, shapes: Reachable) -> Iterator[Passage]:
         """Yield the Passage at each depth."""
@@ -92,7 +93,7 @@ class _Two:
         beyond = np.maximum(there - length, 0.0)
         cosines = np.column_stack([tangent @ self._first.normal, along @ self._second.normal])
         rooms = cosines * (self._rooms + self._bound) - self._bound
-        share = self.share(beyond)
+        share = nearness(beyond, length)
         shift = self.part * share[:, None] * misses
         off = np.linalg.norm(misses, axis=1)
         # a DLO on its way there aims at the second

@@ -20,6 +20,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuation import Family, Follower, Passing, continue_family
 from dlo_planner.inverse.equilibria import is_axisymmetric
+from dlo_planner.inverse.room_of_two import nearness
 from dlo_planner.inverse.route import Threading, quick_simulator
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.inverse.tasks.thread import Thread, thread
@@ -39,7 +40,6 @@ from dlo_planner.plan.margin import upright_room
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
-_BLEND = 0.25         # of the length: from there on a cut-out ahead counts
 _FREE = 1e-3          # weight of the first normal, which decides only what is left free
 _ROLLED = 3e-3        # of the length, counts a roll of 1 rad on the longest step: not for nothing
 _SOON = 0.02          # share of a third one at which the second counts in full
@@ -126,8 +126,7 @@ class NearestToCenters(Family):
     def _goals(self, depth: float, gripper: Pose, turns: float) -> GoalTable:
         """Return the goals at a depth, m, and near a Pose: a roll by 1 rad counts as `turns` m."""
         length = self.simulator.rod.length
-        share = np.clip((depth - self._reached) / (_BLEND * length) + 1, 0, 1)
-        share = share**2 * (3 - 2 * share)
+        share = nearness(self._reached - depth, length)
         weights = self.weights * share
         weights[0] = self.weights[0]
         if share[1] > 0:
