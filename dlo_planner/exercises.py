@@ -33,7 +33,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import PointLoad
 from dlo_planner.parallel.batch import solve_many
-from dlo_planner.plan.goals import AwayFrom, Through
+from dlo_planner.plan.goals import AwayFrom, InHole, Through
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.uncertainty.parameters import Uncertainty
@@ -165,6 +165,7 @@ def touching() -> None:
     assert corrected_by(elastic.mesh, shape, past_of(elastic.mesh, shape, None)) < 1
     direct.solve(_LEVEL, far_end=(0.8, 0, 0))
     AwayFrom((Plane((0, 0, -0.2), (0, 0, 1)),), 0.1).residuals(shapes[0])
+    InHole(hole, 0.1).residuals(shapes[0])
     cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
     for simulator in (DirectSimulator(_YIELDING), direct):
         InverseSimulator(simulator, workspace=cell).thread(

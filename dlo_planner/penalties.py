@@ -11,11 +11,12 @@ from dlo_planner.plan.goals import (
     DirectionAt,
     FrameAt,
     GripperNear,
+    InHole,
     KeepTangent,
     PositionAt,
     Through,
 )
 
-__all__ = ['AwayFrom', 'BentAtMost', 'DirectionAt', 'FrameAt', 'GripperNear', 'KeepTangent',
-           'PenaltyResult', 'PositionAt', 'Sensitivity', 'Through', 'Value', 'minimize_penalty',
-           'put']
+__all__ = ['AwayFrom', 'BentAtMost', 'DirectionAt', 'FrameAt', 'GripperNear', 'InHole',
+           'KeepTangent', 'PenaltyResult', 'PositionAt', 'Sensitivity', 'Through', 'Value',
+           'minimize_penalty', 'put']

@@ -122,6 +122,9 @@ class LoopTask:
         if not (self.touches or cutouts_of(self.task)):
             raise InvalidTask(f'task = {self.task!r}: expected one that passes cut-outs, goes into '
                               'a bore or touches an obstacle, there is nothing else to look for')
+        if isinstance(self.task, Insert) and self.task.hold_at:
+            raise InvalidTask(f'task.hold_at = {self.task.hold_at:g}: expected none for an '
+                              'insertion, which is not simulated in motion with it')
         if self.touches and self.most_off is None:
             raise InvalidTask(f'task = {self.task!r}: expected most_off, by how much the DLO may '
                               'miss the place that it touches')

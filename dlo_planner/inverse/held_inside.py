@@ -21,7 +21,7 @@ from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.task import PlanContext
 from dlo_planner.model.checks import number
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.rod import Surface
+from dlo_planner.model.rod import Rod, Surface, followed_by
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.clearance import Bodies
@@ -36,7 +36,7 @@ class HeldInside:
 
     context: PlanContext  # of the whole DLO
     at: float
-    cutouts: tuple[CutOut, ...]  # that the part in front passes
+    cutouts: tuple[CutOut, ...]  # that the part in front passes, or the mouth of its bore
 
     @cached_property
     def simulator(self) -> GraspedInside:
@@ -96,13 +96,22 @@ class HeldInside:
         return replace(whole, clearance=judged.clearance,
                        yield_utilization=judged.yield_utilization)
 
+    def _held(self, front: Rod | None) -> GraspedInside:
+        """Return the simulator of the whole DLO, or of what a bore leaves outside of it.
+
+        `front`: the Rod of the part in front of the gripper.
+        """
+        if front is None or front.length == self.simulator.parts[1].rod.length:
+            return self.simulator
+        return self.simulator.with_rod(followed_by(self.context.rod, self.simulator.at, front))
+
     def _backs(self, plan: Plan) -> list[Shape]:
         """Return the Shapes of the part behind the gripper along a Plan of the part in front."""
         return self.simulator.without_obstacles().behind(plan.grippers, self.context.initial)
 
     def _joined(self, plan: Plan, backs: Sequence[Shape]) -> Plan:
         """Return a Plan of the part in front with the shapes of the whole DLO, not judged."""
-        shapes = [self.simulator.joined(back, front)
+        shapes = [self._held(front.rod).joined(back, front)
                   for back, front in zip(backs, plan.shapes, strict=True)]
         passes: list[Passes] = [
             tuple((center, s + self.at, normal) for center, s, normal in each)

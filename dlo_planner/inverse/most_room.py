@@ -6,19 +6,19 @@ What counts is the margin, the clearance in the hole less the miss that is to be
 much is lacking (`plan.margin`). At each
 of some depths all shapes that the DLO can come to (`inverse.reachable`) are looked at, turned about
 the vertical so that they pass as upright as they can; dynamic programming over the depths (Bellman
-1957) finds the way of the best ratings whose whose gripper turns least. A smooth curve along
+1957) finds the way of the best ratings whose gripper turns least. A smooth curve along
 its grippers (Whittaker 1923) is the plan's way; the shapes on it are followed, exact as any.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.shape import carried
+from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.gap import gap_at, node_range, radius_at, stretch, taper
 from dlo_planner.energy.scene import FACE, Scene
@@ -53,7 +53,7 @@ from dlo_planner.plan.margin import (
     upright_room,
 )
 from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.waypoint import waypoint_at
+from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 from dlo_planner.uncertainty.parameters import Uncertainty
 
 _STEP = 0.2         # of the room of an upright DLO, between points that are looked at: 1 % of error
@@ -127,12 +127,34 @@ def thread_with_most_room(simulator: DirectSimulator, task: Threading, most: flo
     again. Infeasible: none was found.
     """
     way = (search or search_of(simulator, task)).way(task, _STEEPEST * most)
+    cutout, length = task.cutouts[0], simulator.rod.length
+    holes = task.holes(length)
+
+    def waypoint(shape: Shape, depth: float) -> Waypoint:
+        s = length - depth
+        axes, place = shape.frame_at(s)
+        shape = carried(shape, cutout.center - place)
+        made = waypoint_at(shape, cutout.center, s, axes[:, 0], (axes, cutout.center))
+        across = float(np.linalg.norm(np.cross(axes[:, 0], cutout.normal)))
+        return holes.passed(made._replace(misalignment=float(
+            np.arctan2(across, axes[:, 0] @ cutout.normal))))
+
+    return planned_along(simulator, task, way, waypoint, most)
+
+
+def planned_along(simulator: DirectSimulator, task: Threading, way: RoomyWay | NoRoom,
+                  waypoint: Callable[[Shape, float], Waypoint], most: float = np.inf) -> Plan:
+    """Return the Plan along the smoothest of some curves along a way that keeps the demands.
+
+    `waypoint` puts a Shape in its place at a depth, m; the DLO passes obliquely by `most` at most,
+    rad. Infeasible: the refusal of the curve that leads farthest.
+    """
     if isinstance(way, NoRoom):
         raise way.refusal(task)
     refused: Infeasible | None = None
     for firm in _FIRM:
         try:
-            return _along(simulator, task, way.smoothed(firm, task.depths), most)
+            return _along(simulator, task, way.smoothed(firm, task.depths), waypoint, most)
         except Infeasible as error:
             if refused is None or error.waypoint > refused.waypoint:
                 refused = error
@@ -140,34 +162,27 @@ def thread_with_most_room(simulator: DirectSimulator, task: Threading, most: flo
     raise refused
 
 
-def _along(simulator: DirectSimulator, task: Threading, grippers: Floats, most: float) -> Plan:
-    """Return the Plan in which the gripper has rotations (n, 3, 3) at the depths.
-
-    The DLO passes obliquely by `most` at most, rad.
-    """
-    cutout, length = task.cutouts[0], simulator.rod.length
-    holes, builder = task.holes(length), PlanBuilder(task.depths, task.demands,
-                                                     initial=task.initial)
+def _along(simulator: DirectSimulator, task: Threading, grippers: Floats,
+           waypoint: Callable[[Shape, float], Waypoint], most: float) -> Plan:
+    """Return the Plan in which the gripper has rotations (n, 3, 3) at the depths."""
+    builder = PlanBuilder(task.depths, task.demands, initial=task.initial)
     for depth, rotation in zip(task.depths.tolist(), grippers, strict=True):
         builder.check()
-        pose, s = Pose.from_rotation((0.0, 0.0, 0.0), rotation), length - depth
+        pose = Pose.from_rotation((0.0, 0.0, 0.0), rotation)
         shape = simulator.solve(pose) if builder.last is None else simulator.track(
             [pose], initial=builder.last)[0]
         if not shape.converged:
             raise builder.refusal('equilibrium', 0.0, 'no stable shape is found')
-        axes, place = shape.frame_at(s)
-        shape = carried(shape, cutout.center - place)
+        made = waypoint(shape, depth)
         if shape.jumped and builder.waypoints:
-            refused = refusal_for_leap(simulator, builder, shape)
+            refused = refusal_for_leap(simulator, builder, made.shape)
             raise refused or builder.refusal('continuity', 0.0, 'the DLO would fall into another '
                                              'shape on the way there')
-        waypoint = waypoint_at(shape, cutout.center, s, axes[:, 0], (axes, cutout.center))
-        across = float(np.linalg.norm(np.cross(axes[:, 0], cutout.normal)))
-        angle = float(np.arctan2(across, axes[:, 0] @ cutout.normal))
-        if angle > most:
-            raise builder.refusal('max_misalignment', angle - most, 'the DLO would pass at '
-                                  f'{angle:.4g} rad, max_misalignment = {most:.4g} rad', 'rad')
-        builder.add(holes.passed(waypoint._replace(misalignment=angle)))
+        if made.misalignment > most:
+            raise builder.refusal('max_misalignment', made.misalignment - most, 'the DLO would '
+                                  f'pass at {made.misalignment:.4g} rad, max_misalignment = '
+                                  f'{most:.4g} rad', 'rad')
+        builder.add(made)
     return builder.finished()
 
 
@@ -214,10 +229,28 @@ class RoomSearch:
                                               length - self.depths)
         return np.array([self._misses[k][index] for k in which.tolist()])
 
+    def misses_at(self, which: Ints, s: Floats) -> Floats:
+        """Return the expected misses (m,) of some shapes at arc lengths s (m,), m.
+
+        They are between those at the depths, the deepest and the first one at most.
+        """
+        self.misses(which, 0)
+        arcs = self.simulator.rod.length - self.depths[::-1]
+        return np.array([np.interp(one, arcs, self._misses[k][::-1]) if k in self._misses else 0.0
+                         for k, one in zip(which.tolist(), s.tolist(), strict=True)])
+
     def way(self, task: Threading, most: float) -> RoomyWay | NoRoom:
         """Return the way of the largest margins through the hole of a Threading, or why not.
 
         `most`: largest angle at which the DLO may pass, rad.
+        """
+        return self.through(task, lambda shapes: _passages(self, shapes, task, most), 'this hole')
+
+    def through(self, task: Threading, passed: Callable[[Reachable], Iterable[Passage]],
+                where: str) -> RoomyWay | NoRoom:
+        """Return the way of the best ratings through the Passages at each depth, or why not.
+
+        `where`: the hole, in words.
         """
         shapes, depths = self.shapes, self.depths
         if shapes is None:
@@ -225,15 +258,15 @@ class RoomSearch:
         if not shapes.shapes:
             return NoRoom(float(depths[0]), 'no shape that the DLO can come to is bent as little '
                           'as it has to be')
-        passages = list(_passages(self, shapes, task, most))
+        passages = list(passed(shapes))
         empty = next((k for k, one in enumerate(passages) if not one.which.size), None)
         if empty is not None:
             return NoRoom(float(depths[empty]), 'no shape that the DLO can come to has room in '
-                          'this hole')
+                          f'{where}')
         costs, onward = _costs_to_go(passages, self.simulator.rod.length, 1 if self.round else 3)
         if not np.isfinite(costs[0]).any():
             last = max(k for k in range(len(costs)) if not np.isfinite(costs[k]).any())
-            return NoRoom(float(depths[last]), 'no shapes with room in this hole lead on')
+            return NoRoom(float(depths[last]), f'no shapes with room in {where} lead on')
         first = passages[0]
         for k in np.argsort(costs[0])[:_STARTS].tolist():
             self.demands.progress.check()
@@ -248,7 +281,7 @@ class RoomSearch:
                 grippers = np.array([one.grippers[p]
                                      for one, p in zip(passages, picks, strict=True)])
                 return RoomyWay(depths, _without_roll(grippers, task) if self.round else grippers)
-        return NoRoom(float(depths[0]), 'shapes with room in this hole lead through all depths, '
+        return NoRoom(float(depths[0]), f'shapes with room in {where} lead through all depths, '
                       'but the DLO, set down there in its natural shape, falls into another',
                       'start')
 

@@ -198,8 +198,8 @@ class InverseSimulator(Value):
                                deadline)
 
     def insert(self, bore: CutOut, *, start: Pose | None = None, depths: ArrayLike | None = None,
-               friction: float | None = None, linear_speed: float = 0.1,
-               angular_speed: float = 0.5, progress: OnProgress = None,
+               friction: float | None = None, hold_at: float | None = None,
+               linear_speed: float = 0.1, angular_speed: float = 0.5, progress: OnProgress = None,
                deadline: float | None = None) -> Plan:
         """Plan the insertion into a bore of about the DLO's diameter (paper, section 5.2).
 
@@ -219,6 +219,10 @@ class InverseSimulator(Value):
         friction : float, optional
             Coulomb's coefficient in the bore. With it and the bore's radius the force is estimated
             that pushes the DLO in (`Plan.insertion_force`). If None, it is not known.
+        hold_at : float, optional
+            Where the gripper holds the DLO, m from its beginning, as for `thread`: what is in front
+            of the gripper is inserted, depths are of its free end. Such a plan is not simulated in
+            motion. If None or 0, at its beginning.
 
         Returns
         -------
@@ -233,7 +237,7 @@ class InverseSimulator(Value):
             Infeasible where a waypoint has no stable solution, or the gripper would have to leap to
             it.
         """
-        return self._shorthand(Insert(bore, depths, friction), start, None, linear_speed,
+        return self._shorthand(Insert(bore, depths, friction, hold_at), start, None, linear_speed,
                                angular_speed, progress, deadline)
 
     def approach(self, cutout: CutOut, plan: Plan, start: Pose, *,
@@ -294,7 +298,9 @@ class InverseSimulator(Value):
 
         From where the free end reaches the second center, both are hit at once; before, the first
         one is passed along the direction that it then has, so that the path is continuous. A plan
-        whose first depth is beyond that may begin in any shape that passes both.
+        whose first depth is beyond that may begin in any shape that passes both. Where the DLO
+        takes no such shape, as a soft cable mostly does not, and both cut-outs have a size, it
+        passes beside the centers, within the cut-outs: both lose the same part of their room.
 
         Parameters
         ----------
@@ -306,7 +312,8 @@ class InverseSimulator(Value):
         Returns
         -------
         Plan
-            `position_error` is the larger of both distances, `misalignment` is 0.
+            `position_errors` are both distances, `position_error` is the larger one,
+            `misalignment` is 0.
 
         Raises
         ------
@@ -331,7 +338,9 @@ class InverseSimulator(Value):
         cutouts : iterable of CutOut
             The cut-outs, in the order in which they are passed.
         weights : array_like, shape (k,), optional
-            Weights of their distances. If None, all alike.
+            Weights of their distances. If None, as 1 / room that the DLO has in them, so that a
+            wide one may be missed farther; where that leaves too little room in one, it counts
+            more. All alike where one has no size.
         depths : array_like, optional
             As for `thread`, from the first cut-out on.
 

@@ -356,3 +356,67 @@ def element_rooms(scene: Scene, lengths: Floats, strains: Floats, rotations: Flo
                 rooms[e] = min(rooms[e], 0.5 * (gap + last - _reach(scene, o, e, lengths, strains)))
             last = gap
     return np.maximum(rooms, least)  # type: ignore[no-any-return]
+
+
+def nearest_in_hole(scene: Scene, normal: Floats, shape: Shape) -> tuple[float, float, Floats]:
+    """Return the clearance (m) of a round DLO in the hole of a Scene of one Sheet, and its slope.
+
+    That is the smallest of `hole_clearances`. The others: the arc length of the place where it is,
+    m, and its derivative (3,) by the displacement of that place. The scene is relative to the
+    world's origin, the normal (3,) from before the sheet to behind it.
+    """
+    at_rim = _at_rims(scene, np.array(shape.s), *kernel_arrays(shape), normal)
+    return min((at_rim, *nearest(scene, shape)), key=lambda place: place[0])
+
+
+@kernel
+def _at_rims(scene: Scene, s: Floats, lengths: Floats, strains: Floats, rotations: Floats,
+             positions: Floats, normal: Floats) -> tuple[float, float, Floats]:
+    """Return the smallest gap (m) where a DLO meets a sheet's faces, its arc length and slope.
+
+    The point that meets a face stays in it, so it moves along the DLO where that moves across.
+    """
+    smallest, where, slope = np.inf, 0.0, np.zeros(3)
+    frame, x = np.empty((3, 3)), np.empty(3)
+    flush = _FLUSH * np.sum(lengths)
+    for o in range(scene.kind.size):
+        plane = inner(normal, scene.center[o] + scene.size[o, 0] * scene.axes[o, :, 0])
+        last = 0.0
+        for k in range(s.size):
+            height = inner(normal, positions[k]) - plane
+            e, fraction = max(k - 1, 0), 1.0 if k else 0.0
+            if abs(height) <= flush:
+                height = 0.0
+                point_inside(lengths, strains, rotations, positions, e, fraction, frame, x)
+            elif last * height < 0.0:
+                fraction = _passage(scene, o, lengths, strains, rotations, positions, e, normal,
+                                    plane, last, frame, x)
+            else:
+                last = height
+                continue
+            last = height
+            gap = _room_in_plane(scene, o, x) - scene.radius
+            if gap < smallest:
+                smallest, where = gap, s[e] + fraction * lengths[e]
+                _slope_in_plane(scene, o, x, frame[:, 0], normal, slope)
+    return smallest, where, slope
+
+
+@kernel
+def _slope_in_plane(scene: Scene, o: int, x: Floats, tangent: Floats, normal: Floats,
+                    slope: Floats) -> None:
+    """Fill slope (3,) of the room at x (3,) in a plane, by displacements of a DLO that meets it.
+
+    A DLO that lies in the plane does not slide along itself.
+    """
+    inside, y, z = np.empty(2), 0.0, 0.0
+    for i in range(3):
+        y += scene.axes[o, i, 1] * (x[i] - scene.center[o, i])
+        z += scene.axes[o, i, 2] * (x[i] - scene.center[o, i])
+    in_plane(scene, o, y, z, inside)
+    for i in range(3):
+        slope[i] = scene.axes[o, i, 1] * inside[0] + scene.axes[o, i, 2] * inside[1]
+    through = inner(normal, tangent)
+    slide = inner(slope, tangent) / through if abs(through) > _FLUSH else 0.0
+    for i in range(3):
+        slope[i] -= slide * normal[i]

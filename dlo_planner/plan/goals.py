@@ -24,12 +24,14 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import nearest_place
 from dlo_planner.geometry.so3 import left_jacobian, turn_between
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import direction, instance, items, number, vector
-from dlo_planner.model.obstacles import OBSTACLES, Obstacle
+from dlo_planner.model.checks import direction, instance, items, number, shown, vector
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
-from dlo_planner.plan.clearance import nearest
+from dlo_planner.plan.clearance import nearest, nearest_in_hole
 
+_ENDLESS = 1e6  # times a hole: the sheet around it
 _POINTS = 9  # of a stretch, at which its tangent is looked at, evenly
 
 
@@ -307,6 +309,70 @@ class AwayFrom(Goal):
         # to first order the same point stays the nearest
         return np.array([-(normal @ sensitivity.at(s)[3:]) * (gap < self.distance)
                          for gap, s, normal in nearest(self._scene, shape)]).reshape(-1, 6)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class InHole(Goal):
+    """The DLO's surface keeps a distance from the sheet around a cut-out, through which it passes.
+
+    The residual is by how much the clearance in the hole is too small, the smallest one of the rim
+    and of what is before the sheet and behind it. A DLO that meets the sheet beside the hole has a
+    negative one and is drawn to the hole; one that does not reach the sheet keeps away from it.
+
+    Attributes
+    ----------
+    cutout : CutOut
+        With a size.
+    distance : float
+        Distance in m.
+    radius : float
+        Radius of the DLO, m.
+    thickness : float
+        Thickness of the sheet, which has no end, m.
+    weight : float
+        Weight in 1/m.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
+    """
+
+    cutout: CutOut
+    distance: float
+    radius: float = 0.0
+    thickness: float = 0.0
+    weight: float = 1.0
+
+    def __post_init__(self) -> None:
+        instance('InHole.cutout', self.cutout, CutOut)
+        if self.cutout.radius is None and self.cutout.width is None:
+            raise InvalidTask(f'InHole.cutout = {shown(self.cutout)}: expected a CutOut with '
+                              'radius or width')
+        put(self, **{name: number(f'InHole.{name}', getattr(self, name), minimum=0)
+                     for name in ('distance', 'radius', 'thickness')})
+        super().__post_init__()
+
+    @cached_property
+    def _scene(self) -> Scene:
+        cutout = self.cutout
+        size = cutout.radius or max(cutout.width or 0.0, cutout.height or 0.0)
+        wide = _ENDLESS * size
+        scene: Scene = build_scene((Sheet(cutout.pose, wide, wide, self.thickness, (cutout,)),),
+                                   self.radius, sharp=True)
+        return scene
+
+    def _nearest(self, shape: Shape) -> tuple[float, float, Floats]:
+        return nearest_in_hole(self._scene, np.array(self.cutout.normal), shape)
+
+    def _residuals(self, shape: Shape) -> Floats:
+        return np.array([max(self.distance - self._nearest(shape)[0], 0.0)])
+
+    def _slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        # to first order the same point stays the nearest
+        gap, s, slope = self._nearest(shape)
+        rows: Floats = -(slope @ sensitivity.at(s)[3:])[None] * (gap < self.distance)
+        return rows
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -26,6 +26,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError, Infeasible, InvalidTask
 from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of, threading_of
 from dlo_planner.model.arrays import Floats
@@ -194,7 +195,7 @@ class PlanningServer(Part):
         """Plan, publish and return the trajectory of the tool frame as a Path."""
         self.store.change(lambda now: replace(now, task=task))
         begun, askers = monotonic(), self.askers()
-        if state.scene.grasped is None and isinstance(task, Thread) and task.hold_at:
+        if state.scene.grasped is None and isinstance(task, Thread | Insert) and task.hold_at:
             raise Refused(Cause.INVALID_PARAMETER, 'parameter rod.grasped_at = 0: expected '
                           f'{task.hold_at:g}, where the task says that the gripper holds the DLO')
         if state.held_at(begun) is not None:

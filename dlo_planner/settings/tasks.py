@@ -205,7 +205,7 @@ def _plan(inverse: InverseSimulator, task: Task, values: Values, start: Pose | N
           initial: Shape | None, miss: float | None, progress: OnProgress) -> Plan:
     length, standoff = inverse.simulator.rod.length, values['threading.standoff']
     task = held_as_stated(task, values['rod.grasped_at'])
-    free = length - ((task.hold_at or 0.0) if isinstance(task, Thread) else 0.0)
+    free = length - ((task.hold_at or 0.0) if isinstance(task, Thread | Insert) else 0.0)
     task = _with_depths(task, values, free)
     most = values['threading.max_misalignment']
     if isinstance(task, Thread) and task.max_misalignment is None and most >= 0:

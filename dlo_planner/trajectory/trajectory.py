@@ -208,6 +208,10 @@ def _simulator(simulator: Simulator | None, plan: Plan) -> Simulator:
            and abs(shape.s[-1] - length) > _SAME * length for shape in plan.shapes):
         raise InvalidTask('plan: expected shapes of one DLO that the gripper holds in one place, '
                           'as in `simulate`; with an infinite tolerance nothing is simulated')
+    if at is not None and held_after(plan) is not None:
+        raise InvalidTask(f'plan: expected a DLO that is held at its beginning, as in `simulate`: '
+                          f'held at {at:g} m it goes into a bore; with an infinite tolerance '
+                          'nothing is simulated')
     if simulator is None and first.far_end is not None:
         raise InvalidTask('simulator = None: expected the DirectSimulator of the whole DLO for an '
                           f'insertion that begins {plan.depths[0]:g} m deep')

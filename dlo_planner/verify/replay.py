@@ -16,7 +16,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
 from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
-from dlo_planner.model.rod import Surface, before
+from dlo_planner.model.rod import Surface, before, followed_by
 from dlo_planner.plan.checks import Judge, Margin, motion_margins, violated
 from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.continuity import apart, passes_itself
@@ -182,8 +182,7 @@ class _Replay:
                 held_after(plan) is None and plan.shapes[0].far_end is not None):
             return simulator.track(plan.grippers, self.progress.done, initial,
                                    far_ends=[shape.far_end for shape in plan.shapes])
-        if isinstance(simulator, DirectSimulator) and any(
-                shape.s[-1] != simulator.rod.length for shape in plan.shapes):
+        if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
             return _parts(simulator, plan, self.progress)
         if initial is None and plan.shapes[0].contacts:
             initial = plan.shapes[0]
@@ -268,9 +267,19 @@ def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
     return ''
 
 
-def _parts(simulator: DirectSimulator, plan: Plan, progress: Progress) -> list[Shape]:
+def _parts(simulator: Simulator, plan: Plan, progress: Progress) -> list[Shape]:
     """Return the shapes of an insertion, of the part outside the bore."""
-    shapes = []
+    shapes: list[Shape] = []
+    if isinstance(simulator, GraspedInside):
+        backs, front = simulator.behind(plan.grippers), simulator.parts[1]
+        for back, shape in zip(backs, plan.shapes, strict=True):
+            end = before(front.rod, shape.s[-1] - simulator.at)
+            on = front.with_rod(end).solve(shape.gripper, simulator.parts_of(shape)[1],
+                                           far_end=shape.far_end)
+            shapes.append(simulator.with_rod(followed_by(
+                simulator.rod, simulator.at, end)).joined(back, on))
+            progress.done(len(shapes), len(plan))
+        return shapes
     for shape in plan.shapes:
         part = simulator.with_rod(before(simulator.rod, shape.s[-1]))
         shapes.append(part.solve(shape.gripper, shape, far_end=shape.far_end))

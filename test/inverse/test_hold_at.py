@@ -11,6 +11,7 @@ from dlo_planner import (
     CutOut,
     DirectSimulator,
     Infeasible,
+    Insert,
     InvalidTask,
     InverseSimulator,
     Limits,
@@ -26,6 +27,7 @@ from dlo_planner import (
     replay,
     robustness,
 )
+from dlo_planner.closed_loop import LoopTask
 from dlo_planner.direct.grasp import grasped_at
 from dlo_planner.identify import correct
 from dlo_planner.inverse.held_inside import front_of
@@ -370,3 +372,79 @@ def test_what_does_not_know_of_it_refuses_it_by_name(held):
         Replanner.of(held, INVERSE)
     with pytest.raises(InvalidTask, match='of a DLO grasped inside each of Shape.parts vibrates'):
         held.shapes[0].modes()
+
+
+BORE = CutOut(HOLE.pose, radius=2.5e-3)
+LOADED = replace(ROD, tip_mass=2e-3, point_masses=((0.3, 1e-3), (0.9, 1e-3)))
+
+
+@pytest.fixture(scope='module', params=['plain', 'with masses'])
+def inserted(request):
+    """Return the whole DLO, its insertion held inside, and that of a DLO as long as its front."""
+    rod = ROD if request.param == 'plain' else LOADED
+    front = replace(rod, length=0.35,
+                    point_masses=((0.25, 1e-3),) if rod is LOADED else ())
+    whole = InverseSimulator(DirectSimulator(rod))
+    return whole, whole.insert(BORE, hold_at=AT), InverseSimulator(
+        DirectSimulator(front)).insert(BORE)
+
+
+def test_a_wire_that_cannot_be_inserted_from_its_end_is_where_it_is_held_inside(inserted):
+    whole, plan, own = inserted
+    with pytest.raises(Infeasible, match='would not stay'):
+        whole.insert(BORE)
+    assert len(plan) == len(own) and plan.stability.min() > 0.3
+    np.testing.assert_array_equal(plan.depths, own.depths)
+    np.testing.assert_allclose(plan.times, own.times, rtol=1e-12)
+    tail = DirectSimulator(replace(whole.simulator.rod, length=0.65, tip_mass=0.0, point_masses=(
+        (0.35, 1e-3),) if whole.simulator.rod.point_masses else ()))
+    for depth, one, other in zip(plan.depths, plan.shapes, own.shapes, strict=True):
+        # what is outside: all behind the gripper, and the front up to the mouth
+        assert one.s[-1] == one.rod.length == pytest.approx(1.0 - depth, abs=1e-12)
+        assert grasped_at(one) == AT and (depth == 0 or one.far_end is not None)
+        np.testing.assert_allclose(one.positions[-1], BORE.center, atol=1e-9)
+        np.testing.assert_allclose(one.gripper.matrix, other.gripper.matrix, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(one.far_wrench, other.far_wrench, atol=1e-9)
+        behind = tail.solve(Pose.from_rotation(
+            one.gripper.position, one.gripper.rotation @ np.diag([-1.0, 1.0, -1.0])))
+        np.testing.assert_allclose(one.positions_at(AT - behind.s), behind.positions, atol=1e-6)
+        # the gripper bears what hangs on both sides of it, up to the mouth
+        masses = sum(mass for s, mass in one.rod.point_masses) + one.rod.tip_mass
+        weight = (0.045 * (1.0 - depth) + masses) * 9.81
+        assert one.gripper_wrench[2] + one.far_wrench[2] == pytest.approx(weight, rel=1e-6)
+
+
+def test_an_insertion_held_inside_is_replayed_as_planned(inserted):
+    whole, plan, _ = inserted
+    for simulator in (whole.simulator, GraspedInside(whole.simulator.rod, AT)):
+        report = replay(simulator, plan)
+        assert report.converged and report.deviation < 1e-6 and report.position_error < 1e-6
+        assert report.clearance == pytest.approx(plan.clearance.min(), abs=1e-6)
+    softer = replace(whole.simulator.rod, bending_stiffness=0.5 * 0.0147)
+    assert replay(DirectSimulator(softer), plan).deviation > 1e-3
+    assert np.isnan(plan.margin[1:]).all()
+
+
+def test_the_part_behind_is_in_the_way_of_an_insertion_too():
+    plan = INVERSE.insert(BORE, hold_at=AT)
+    ball = Sphere(plan.shapes[20].positions[20], 0.05)
+    with pytest.raises(Infeasible, match='Sphere 0.*kept to depth') as refused:
+        InverseSimulator(DirectSimulator(ROD, obstacles=[ball])).insert(BORE, hold_at=AT)
+    assert refused.value.constraint == 'clearance' and 5 < refused.value.waypoint <= 20
+    shape = refused.value.plan.shapes[-1]
+    assert shape.s[-1] == pytest.approx(1.0 - refused.value.plan.depths[-1])
+
+
+def test_what_an_insertion_held_inside_is_not_is_named():
+    plan = INVERSE.insert(BORE, hold_at=AT, depths=(0, 0.05, 0.1))
+    assert plan == INVERSE.plan(Insert.from_dict(Insert(BORE, (0, 0.05, 0.1), None, AT).to_dict()))
+    assert Insert(BORE, hold_at=0) == Insert(BORE)
+    with pytest.raises(InvalidTask, match='held at 0.65 m it goes into a bore'):
+        Trajectory(plan)
+    with pytest.raises(InvalidTask, match='hold_at = 0.65: expected none for an insertion'):
+        LoopTask(INVERSE, Insert(BORE, hold_at=AT), 0.02)
+    with pytest.raises(InvalidTask, match=r'depths\[1\] = 0.348: expected at most 0.99 of the len'):
+        INVERSE.insert(BORE, hold_at=AT, depths=(0, 0.348))
+    with pytest.raises(InvalidTask, match='hold_at = 1.0: expected .* < 1 m'):
+        INVERSE.insert(BORE, hold_at=1.0)
+    assert Trajectory(plan, tolerance=np.inf).duration > 0

@@ -20,6 +20,7 @@ from dlo_planner import (
     Plane,
     Pose,
     Rod,
+    Sheet,
     Sphere,
     Thread,
     Workspace,
@@ -32,13 +33,14 @@ from dlo_planner.penalties import (
     DirectionAt,
     FrameAt,
     GripperNear,
+    InHole,
     KeepTangent,
     PositionAt,
     Through,
     minimize_penalty,
 )
 from dlo_planner.plan.checks import Judge
-from dlo_planner.plan.clearance import clearance
+from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.requirements import STABILITY
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.tasks import Requirements
@@ -54,6 +56,8 @@ LIBRARY = {
     'at': ANY[:2], 'through': [Through((0.55, 0.15, 0.9), 0.2, 2.0)],
     'aiming': [Through((1.3, 0.3, 0.8))],
     'away': [AwayFrom([SPHERE, Plane((0, 0, 0.2), (0, 0, 1))], 0.4, 0.003)],
+    'hole': [InHole(CutOut(Pose.looking_along((0.5, 0.1, 0.85), (1, 0.2, -0.3)), radius=0.03),
+                    0.1, 0.003)],
     'bend': [BentAtMost(0.4)], 'keep': [KeepTangent(0.2, 0.7, (1, 0.2, 0.3), 2.0)],
     'frame': [FrameAt(0.7, Pose((0.5, 0.1, 0.8), (0.1, -0.2, 0.3, 0.9)), 2.0)],
     'own': [lambda shape: shape.positions[-1], lambda shape: shape.strains[5]]}
@@ -357,6 +361,73 @@ def test_only_what_comes_after_counts(after, basis, rng):
     for k, change in enumerate(step * np.eye(6)):
         wanted = (search.residuals(x + change) - search.residuals(x - change)) / (2 * step)
         np.testing.assert_allclose(slopes[:, k], wanted, atol=1e-6)
+
+
+SIZES = {'round': {'radius': 0.03}, 'wide': {'width': 0.08, 'height': 0.05}}
+
+
+@pytest.mark.parametrize('off', [0.008, 0.07], ids=['in the hole', 'beside it'])
+@pytest.mark.parametrize('size', SIZES)
+@pytest.mark.parametrize('thickness', [0.0, 0.02])
+def test_slopes_in_a_hole_against_differences(thickness, size, off, rng):
+    # within the hole the nearest point is at an edge, beside it where the DLO meets a face
+    shape = DirectSimulator(STIFF).solve(START)
+    for _ in range(3):
+        axes, place = shape.frame_at(rng.uniform(0.4, 0.8))
+        aside = off * (axes[:, 1] + 0.6 * axes[:, 2])
+        hole = CutOut(Pose.looking_along(place + aside, axes[:, 0] + 0.4 * rng.normal(size=3)),
+                      **SIZES[size])
+        search = PenaltyFunction(DirectSimulator(STIFF), [InHole(hole, 0.1, 0.003, thickness, 2)],
+                                 START, None)
+        x, step = np.zeros(6), 1e-6
+        assert (search.residuals(x)[0] > 0.2) == (off > 0.03)  # twice the distance: in the sheet
+        slopes = search.jacobian(x)
+        assert np.abs(slopes).max() > 0.1
+        for k, change in enumerate(step * np.eye(6)):
+            wanted = (search.residuals(x + change) - search.residuals(x - change)) / (2 * step)
+            np.testing.assert_allclose(slopes[:, k], wanted, atol=2e-5)
+
+
+@pytest.mark.parametrize('thickness', [0.0, 0.01])
+def test_clearance_in_a_hole_is_that_of_samples(thickness, rng):
+    shape = DirectSimulator(STIFF).solve(START)
+    passed = 0
+    for _ in range(20):
+        axes, place = shape.frame_at(rng.uniform(0.3, 0.9))
+        hole = CutOut(Pose.looking_along(place + 0.02 * rng.normal(size=3),
+                                         axes[:, 0] + 0.4 * rng.normal(size=3)), radius=0.04)
+        away = shape.positions_at(np.linspace(0, 1, 20001)) - hole.center
+        height = away @ hole.normal
+        room = 0.04 - np.sqrt((away**2).sum(axis=1) - height**2)  # to the wall of the hole
+        outside = np.maximum(abs(height) - thickness / 2, 0)
+        wanted = np.hypot(outside, np.maximum(room, 0))
+        wanted = np.where((outside == 0) & (room < 0), room, wanted)
+        faces = [room[np.argmin(abs(height - side * thickness / 2))] for side in (-1, 1)]
+        wanted = min(wanted.min(), *faces) - 0.003
+        passed += wanted > 0
+        found = 1 - InHole(hole, 1.0, 0.003, thickness).residuals(shape)[0]
+        assert found == pytest.approx(wanted, abs=1e-4)
+    assert 4 < passed < 18
+
+
+def test_a_dlo_beside_a_hole_is_drawn_into_it():
+    direct = DirectSimulator(STIFF)
+    there = direct.solve(START).at(0.7)
+    hole = CutOut(Pose.looking_along(there.position + (0, 0.06, 0.02), (1, 0.3, -0.5)),
+                  radius=0.02)
+    task = InHole(hole, 0.008, 0.003)
+    assert task.residuals(direct.solve(START))[0] > 0.04
+    found = minimize_penalty(direct, [task, GripperNear(START, 1e-4)], START)
+    off = found.shape.positions_at(np.linspace(0.5, 1, 20001)) - hole.center
+    passes = np.abs(off @ hole.normal).argmin()
+    assert np.linalg.norm(off[passes]) < 0.02 - 0.003 - 0.0079  # tilted, it has less than that
+    assert hole_clearances(Sheet.around(hole, thickness=0), hole.normal, 0.003,
+                           found.shape).min() == pytest.approx(0.008, abs=1e-4)
+
+
+def test_a_hole_without_a_size_is_named():
+    with pytest.raises(InvalidTask, match='InHole.cutout'):
+        InHole(CutOut(START), 0.01)
 
 
 def test_what_is_kept_costs_nothing_and_pulls_nowhere():

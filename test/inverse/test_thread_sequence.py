@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
+from dlo_planner import CutOut, DirectSimulator, Infeasible, InverseSimulator, Pose, Rod
 from dlo_planner.plan.path import GripperPath
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
@@ -155,3 +155,57 @@ def test_it_is_as_near_as_a_search_from_other_rolls_comes(seed):
             misses, np.concatenate([np.zeros(3), centers[0] - begins]), args=(base,),
             max_nfev=30).fun))
     assert found < min(best) + 5e-4  # of which half is the distance of two places
+
+
+def sized(*radii):
+    """Return three holes of these radii, m, through which the wire has to bend."""
+    return [CutOut(Pose.looking_along(center, (1, 0, -0.2)), radius=radius) for center, radius in
+            zip(((0, 0, 1), (0.2, 0.02, 0.95), (0.4, -0.02, 0.9)), radii, strict=True)]
+
+
+def least_room(weights, holes):
+    """Return the least clearance (m) of a plan by explicit weights, -inf where it is refused."""
+    try:
+        return INVERSE.thread_sequence(holes, weights=weights, depths=DEPTHS[:26]).clearance.min()
+    except Infeasible:
+        return -np.inf
+
+
+def test_a_hole_that_is_twice_as_wide_may_be_missed_twice_as_far():
+    holes = sized(0.005, 0.03, 0.03)
+    by_room = [1 / (hole.radius - WIRE.radius) for hole in holes]
+    assert least_room(np.ones(3), holes) == -np.inf
+    plan = INVERSE.thread_sequence(holes, depths=DEPTHS[:26])
+    assert plan.clearance.min() == pytest.approx(least_room(by_room, holes), rel=1e-3)
+    # where the wire passes the planes of the holes, by sampling
+    for shape in plan.shapes:
+        places = shape.positions_at(np.linspace(0, 1, 4001))
+        for hole in holes:
+            depth = (places - hole.center) @ hole.normal
+            for k in np.flatnonzero(np.diff(np.sign(depth))):
+                off = np.linalg.norm(places[k] - hole.center)
+                assert off < hole.radius - WIRE.radius + 3e-4
+
+
+def test_holes_that_are_alike_or_have_no_size_count_alike():
+    for holes in (sized(0.03, 0.03, 0.03), [hole((0, 0, 1), radius=0.02), *HOLES[1:]]):
+        one, other = (INVERSE.thread_sequence(holes, weights=weights, depths=DEPTHS[:20])
+                      for weights in (None, np.ones(3)))
+        assert one == other
+
+
+def test_a_hole_whose_room_is_lost_counts_more_until_all_lose_alike():
+    # neither weights alike nor by room leave room in all of them
+    holes = sized(0.012, 0.021, 0.021)
+    for weights in (np.ones(3), [1 / (hole.radius - WIRE.radius) for hole in holes]):
+        assert least_room(weights, holes) == -np.inf
+    assert INVERSE.thread_sequence(holes, depths=DEPTHS[:26]).clearance.min() > 0
+
+
+def test_where_no_weights_were_found_none_do():
+    holes = sized(0.0105, 0.018, 0.018)
+    with pytest.raises(Infeasible) as refused:
+        INVERSE.thread_sequence(holes, depths=DEPTHS[:26])
+    assert refused.value.constraint == 'clearance'
+    for second, third in itertools.product(np.geomspace(0.1, 10, 9), repeat=2):
+        assert least_room((1, second, third), holes) == -np.inf

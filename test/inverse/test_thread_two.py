@@ -116,3 +116,85 @@ def test_a_plan_that_begins_deep_asks_nothing_of_the_free_end_before(seed):
     near = [np.linalg.norm(shape.at(s).position - holes[1].center)
             for s in np.linspace(1 - depth, 1, 2001)]
     assert min(near) < 5e-4  # half a step of these
+
+
+SOFT = Rod(1.0, 0.1, 0.00981, 0.0078, radius=2e-3)  # w L^3/EI = 100
+WAY = np.linspace(0, 0.8, 33)
+
+
+def beside_each_other(first=0.012, second=0.02):
+    """Return two holes of such radii, m, that no stable shape of the soft DLO hits both."""
+    sizes = ({} if radius is None else {'radius': radius} for radius in (first, second))
+    poses = (Pose.looking_along((0, 0, 1), (0.3, 0, -1)),
+             Pose.looking_along((0.02, 0.01, 0.75), (0.1, 0, -1)))
+    return [CutOut(pose, **size) for pose, size in zip(poses, sizes, strict=True)]
+
+
+@pytest.fixture(scope='module')
+def missing_both():
+    return InverseSimulator(DirectSimulator(SOFT, n_elements=32)).thread_two(
+        *beside_each_other(), depths=WAY)
+
+
+def test_a_soft_dlo_that_hits_no_two_centers_passes_beside_them(missing_both):
+    # on a finer mesh than the plan's, by samples: both holes are passed, where the plan says
+    assert missing_both.position_error.max() > 0.01
+    assert missing_both.position_errors[0][0] < 1e-9  # it aims at the second where that is near
+    replayed = DirectSimulator(SOFT, n_elements=90).track(missing_both.grippers)
+    for depth, rooms, shape in zip(WAY, missing_both.clearances, replayed, strict=True):
+        assert shape.converged and not shape.jumped
+        places = shape.positions_at(np.linspace(0, 1, 8001))
+        for k, hole in enumerate(beside_each_other()):
+            heights = (places - hole.center) @ hole.normal
+            through = np.flatnonzero(np.diff(np.sign(heights)))
+            assert len(through) == (k == 0 or depth > 0.262)  # the tip is at 0.75, the tilt small
+            aside = np.linalg.norm(places - hole.center - heights[:, None] * hole.normal, axis=1)
+            gap = np.hypot(heights, np.maximum(hole.radius - aside, 0))
+            if len(through):
+                assert aside[through].max() < hole.radius - SOFT.radius
+                assert gap.min() - SOFT.radius == pytest.approx(min(rooms[k]), abs=4e-4)
+
+
+def test_both_holes_lose_the_same_part_of_their_room(missing_both):
+    both = [misses for misses in missing_both.position_errors if len(misses) == 2]
+    assert len(both) == 22
+    for one, other in both:
+        assert one / (0.012 - 0.002) == pytest.approx(other / (0.02 - 0.002), rel=0.03)
+
+
+def test_a_round_dlo_hangs_in_the_plane_of_both_centers(missing_both):
+    # by symmetry: out of it, both would be missed by more
+    sideways = np.array([-0.01, 0.02, 0]) / np.hypot(0.01, 0.02)
+    for gripper in missing_both.grippers:
+        assert abs(gripper.direction @ sideways) < 2e-3
+
+
+def test_the_way_beside_two_centers_is_continuous(missing_both):
+    fine = InverseSimulator(DirectSimulator(SOFT, n_elements=32)).thread_two(
+        *beside_each_other(), depths=np.linspace(0, 0.8, 161))
+    for plan, most in ((missing_both, 0.4), (fine, 0.08)):
+        turns = [Rotation.from_matrix(b.rotation @ a.rotation.T).magnitude()
+                 for a, b in zip(plan.grippers, plan.grippers[1:], strict=False)]
+        assert max(turns) < most
+
+
+def test_what_passes_both_centers_does_so_whatever_their_sizes():
+    direct = InverseSimulator(DirectSimulator(STIFF))
+    ways = [(1, 0, 0), (1, 0.1, 0)]
+    exact, sized = (direct.thread_two(*(
+        CutOut(Pose.looking_along(center, way), radius=radius)
+        for center, way in zip(((0, 0, 1), (0.3, 0.05, 0.95)), ways, strict=True)), depths=WAY)
+        for radius in (None, 0.05))
+    assert exact.grippers == sized.grippers
+
+
+@pytest.mark.parametrize(('radii', 'said'), [
+    ((0.005, 0.006), 'beside the centers: .* room in both holes'),
+    ((0.012, None), 'both centers, 0.25[0-9]* m apart'), ((0.001, 0.02), 'both centers')])
+def test_two_holes_without_room_for_both_are_refused(radii, said):
+    with pytest.raises(Infeasible, match=said) as refused:
+        InverseSimulator(DirectSimulator(SOFT, n_elements=32)).thread_two(
+            *beside_each_other(*radii), depths=WAY)
+    assert refused.value.constraint == 'reach'
+    assert ('beside' in str(refused.value)) == ('beside' in said)
+    assert refused.value.certificate

@@ -362,6 +362,7 @@ def test_a_dlo_that_is_grasped_inside_is_threaded(inside, node, tell):
         assert 'rod.grasped_at = 0.4: expected 0 for identify' in message
     finally:
         assert at_once(inside, rod__grasped_at=0.0).successful
-    code, message, _ = tell(Thread(HOLES[0], DEPTHS, hold_at=0.4))
-    assert code == Cause.INVALID_PARAMETER
-    assert 'rod.grasped_at = 0: expected 0.4, where the task says' in message
+    for asked in (Thread(HOLES[0], DEPTHS, hold_at=0.4), Insert(HOLES[0], DEPTHS, hold_at=0.4)):
+        code, message, _ = tell(asked)
+        assert code == Cause.INVALID_PARAMETER
+        assert 'rod.grasped_at = 0: expected 0.4, where the task says' in message

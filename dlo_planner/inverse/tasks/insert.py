@@ -31,6 +31,7 @@ from dlo_planner.inverse.equilibria import (
     shape_with_end,
     start_candidates,
 )
+from dlo_planner.inverse.held_inside import HeldInside
 from dlo_planner.inverse.route import first_feasible
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.inverse.waypoint_newton import goal_shape
@@ -225,26 +226,38 @@ class Insert(Task):
     friction : float or None
         Coulomb's coefficient in the bore. If None, not known: `Plan.insertion_force` is nan, its
         status 'not looked at'.
+    hold_at : float or None
+        Where the gripper holds the DLO, m from its beginning. If None, at its beginning.
     """
 
     bore: CutOut
     depths: Floats | None = None
     friction: float | None = None
+    hold_at: float | None = None
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, bore: CutOut, depths: ArrayLike | None = None,
-                     friction: float | None = None) -> None: ...
+                     friction: float | None = None, hold_at: float | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         instance('bore', self.bore, CutOut)
         put(self, depths=depths_or_none('depths', self.depths))
         if self.friction is not None:
             put(self, friction=number('friction', self.friction, minimum=0))
+        if self.hold_at is not None:
+            put(self, hold_at=number('hold_at', self.hold_at, minimum=0) or None)
         super().__post_init__()
 
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan."""
         instance('context', context, PlanContext)
+        if self.hold_at is None:
+            return self._inserted(context)
+        inside = HeldInside(context, self.hold_at, (self.bore,))
+        return inside.planned(partial(self._inserted, inside.front))
+
+    def _inserted(self, context: PlanContext) -> Plan:
+        """Return the Plan of a DLO that is held at its beginning."""
         depths = depths_on(context.rod.length, self.depths)
         if depths[-1] > _INSERTED * context.rod.length:
             raise InvalidTask(f'depths[{len(depths) - 1}] = {depths[-1]:g}: expected at most '

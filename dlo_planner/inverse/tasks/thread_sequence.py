@@ -20,6 +20,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuation import Family, Follower, Passing, continue_family
 from dlo_planner.inverse.equilibria import is_axisymmetric
+from dlo_planner.inverse.room_of_two import nearness
 from dlo_planner.inverse.route import Threading, quick_simulator
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.inverse.tasks.thread import Thread, thread
@@ -35,10 +36,10 @@ from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import gripper_motion, largest_shift, largest_turn
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
 from dlo_planner.plan.goals import Through
+from dlo_planner.plan.margin import upright_room
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
-_BLEND = 0.25         # of the length: from there on a cut-out ahead counts
 _FREE = 1e-3          # weight of the first normal, which decides only what is left free
 _ROLLED = 3e-3        # of the length, counts a roll of 1 rad on the longest step: not for nothing
 _SOON = 0.02          # share of a third one at which the second counts in full
@@ -47,6 +48,8 @@ _HIT = 1e-4           # of the length: misses that need no comparison
 _BETTER = 0.99        # of the squared misses: another roll has to bring them below
 _SETTLING, _SETTLED = 50, 1e-6  # steps; rad plus part of the length
 _PART = 0.7           # of the largest turn and shift, so that both together are no leap
+_REWEIGHTED = 5       # weights that are tried; their changes are about halved by each
+_COUNTS = 0.05        # part of a room lost, at least: a cut-out that is hit keeps a weight
 _EDGE = 0.95          # of the reach: what came so far was kept back by it
 
 
@@ -123,8 +126,7 @@ class NearestToCenters(Family):
     def _goals(self, depth: float, gripper: Pose, turns: float) -> GoalTable:
         """Return the goals at a depth, m, and near a Pose: a roll by 1 rad counts as `turns` m."""
         length = self.simulator.rod.length
-        share = np.clip((depth - self._reached) / (_BLEND * length) + 1, 0, 1)
-        share = share**2 * (3 - 2 * share)
+        share = nearness(self._reached - depth, length)
         weights = self.weights * share
         weights[0] = self.weights[0]
         if share[1] > 0:
@@ -140,6 +142,51 @@ class NearestToCenters(Family):
             np.array([rotation] * (further + 3)),
             np.array([weights[0], _FREE * float(1 - share[1]) * length, *weights[1:],
                       turns]) / length)
+
+
+def thread_by_room(simulator: DirectSimulator, task: Threading) -> Plan:
+    """Return the Plan of a Threading whose cut-outs may be missed the farther, the wider they are.
+
+    The weights go as 1 / room of a DLO upright in a cut-out. Where that leaves too little in one
+    of them, it counts the more, the more of its room was lost there: so the largest part that any
+    of them loses becomes least (Lawson 1961).
+    """
+    weights, refused = np.ones(len(task.cutouts)), None
+    rooms = np.array([upright_room(cutout, task.demands.surface) for cutout in task.cutouts])
+    if not ((rooms > 0) & (rooms < np.inf)).all():
+        return thread_sequence(simulator, task, weights)
+    weights = rooms.min() / rooms
+    for _ in range(_REWEIGHTED):
+        try:
+            return thread_sequence(simulator, task, weights)
+        except Infeasible as error:
+            if error.constraint != 'clearance':
+                raise refused or error from None
+            refused = error
+        try:
+            lost = _lost_parts(simulator, task, weights, rooms)
+        except Infeasible:
+            break
+        weights = weights * np.sqrt(np.maximum(lost, _COUNTS))  # the squares of distances count
+        weights /= weights.max()
+    assert refused is not None  # one is tried at least
+    raise refused
+
+
+def _lost_parts(simulator: DirectSimulator, task: Threading, weights: Floats,
+                rooms: Floats) -> Floats:
+    """Return the largest part (k,) of the room (k,), m, that the DLO loses in each cut-out.
+
+    That is on its whole way, as though no cut-out had an edge.
+    """
+    demands = Judge(task.demands.speeds, task.demands.progress.silent())
+    plan = thread_sequence(simulator, replace(task, demands=demands, cutouts=tuple(
+        CutOut(cutout.pose) for cutout in task.cutouts)), weights)
+    holes = task.holes(simulator.rod.length)
+    left = np.array([[min(rooms) for rooms in holes.passed(Waypoint(shape)).clearances]
+                     for shape in plan.shapes])
+    lost: Floats = np.maximum(1 - left.min(axis=0) / rooms, 0)
+    return lost
 
 
 def thread_sequence(simulator: DirectSimulator, task: Threading, weights: Floats) -> Plan:
@@ -216,7 +263,9 @@ class ThreadSequence(Task):
     cutouts : tuple of CutOut
         The cut-outs, in the order in which they are passed.
     weights : ndarray, shape (k,) or None
-        Weights of their distances. If None, all alike.
+        Weights of their distances. If None, as 1 / room that the DLO has in them, so that a wide
+        one may be missed farther, and other ones where one would be left; all alike where one has
+        no size.
     depths : ndarray, shape (n,) or None
         Arc lengths that have gone through the first one, m, or None.
     """
@@ -243,10 +292,12 @@ class ThreadSequence(Task):
         instance('context', context, PlanContext)
         if len(self.cutouts) <= 2:
             return threading_of(self.cutouts, self.depths).solve(context)
-        weights = np.ones(len(self.cutouts)) if self.weights is None else self.weights
-        return thread_sequence(context.without_obstacles, Threading(
+        free, task = context.without_obstacles, Threading(
             self.cutouts, depths_on(context.rod.length, self.depths), context.start,
-            context.demands), weights)
+            context.demands)
+        if self.weights is None:
+            return thread_by_room(free, task)
+        return thread_sequence(free, task, self.weights)
 
 
 def threading_of(cutouts: Sequence[CutOut],

@@ -8,6 +8,9 @@ passes both. The direction is that of the DLO at the change, so that
 the gripper's path is continuous. Gravity does not depend on the gripper's position: its rotation
 and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and the position follows. Each cut-out
 is passed in its direction, possibly obliquely.
+
+Where the DLO takes no such shape it passes beside the centers, within the cut-outs
+(`inverse.room_of_two`).
 """
 
 from __future__ import annotations
@@ -38,7 +41,9 @@ from dlo_planner.inverse.equilibria import (
     hanging_shapes,
     shape_with_end,
 )
+from dlo_planner.inverse.room_of_two import thread_two_with_room
 from dlo_planner.inverse.route import (
+    NO_WAY,
     Route,
     Threading,
     gets_there,
@@ -59,6 +64,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.margin import upright_room
 from dlo_planner.plan.plan import Plan
 
 _CURVES = 16        # depths at which a route is looked for, before the change and after it
@@ -390,6 +396,8 @@ def _route_back(simulator: DirectSimulator, shapes: HangingShapes, change: Cross
 class ThreadTwo(Task):
     """Thread through two cut-outs, whose centers count; see `InverseSimulator.thread_two`.
 
+    Where no shape of the DLO hits both, and they have a size, it passes beside their centers.
+
     Attributes
     ----------
     first : CutOut
@@ -415,9 +423,20 @@ class ThreadTwo(Task):
         super().__post_init__()
 
     def solve(self, context: PlanContext) -> Plan:
-        """Return the Plan."""
+        """Return the Plan: through both centers if the DLO can, else beside them if it has room."""
         instance('context', context, PlanContext)
         task = Threading((self.first, self.second), depths_on(context.rod.length, self.depths),
                          context.start, context.demands)
         free = context.without_obstacles
-        return with_certificate(partial(thread_two, free, task), partial(certificate, free, task))
+        try:
+            return with_certificate(partial(thread_two, free, task),
+                                    partial(certificate, free, task))
+        except Infeasible as error:
+            rooms = [upright_room(one, task.demands.surface) for one in task.cutouts]
+            if error.constraint not in NO_WAY or not all(0 < room < np.inf for room in rooms):
+                raise
+            try:
+                return thread_two_with_room(free, task)
+            except Infeasible as other:
+                error.args = (f'{error}; beside the centers: {other}',)
+                raise error from None
