@@ -333,6 +333,25 @@ def test_what_loads_the_dlo_is_stated_by_parameters(inside, node, values, simula
         assert at_once(inside, **before).successful
 
 
+def test_a_soft_wire_passes_a_level_hole_obliquely(inside, node, tell, capfd):
+    measured = {'rod__section': 'stiffness', 'rod__length': 0.2, 'rod__diameter': 3e-3,
+                'rod__mass_per_length': 0.0174, 'rod__bending_stiffness': [1.22e-4, 1.22e-4],
+                'rod__torsional_stiffness': 1e-4, 'threading__waypoints': 40}
+    before = {name: state(node).scene.values[name.replace('__', '.')] for name in measured}
+    assert at_once(inside, **measured).successful
+    try:
+        code, message, values = tell(Thread(CutOut(HOLES[0].pose, radius=0.01)))
+        assert code == 0, message
+        assert 0.6 < float(values['largest misalignment [rad]']) < 1.1
+        assert -1e-3 < float(values['smallest margin [m]']) < 8.5e-3
+        assert 'degrees oblique' in capfd.readouterr().err
+        up = CutOut(Pose.looking_along((0, 0, 1), (0.2, 0, 1)), radius=0.006)
+        code, message, _ = tell(Thread(up))
+        assert code == Cause.NO_ROOM and 'it would pass if held at most' in message
+    finally:
+        assert at_once(inside, **before).successful
+
+
 def test_a_dlo_that_is_grasped_inside_is_threaded(inside, node, tell):
     assert at_once(inside, rod__grasped_at=0.4).successful
     try:
