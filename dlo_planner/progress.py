@@ -119,6 +119,9 @@ class Progress:
                                   f'of (done, total): {error}') from error
         self.check()
 
+    def __reduce__(self) -> tuple[type[Progress], tuple[()]]:
+        return Progress, ()  # in another process nobody hears of it, or waits
+
     def silent(self) -> Progress:
         """Return one with the same end that reports nothing: for parts of the computation."""
         other = Progress()

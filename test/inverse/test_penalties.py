@@ -240,7 +240,7 @@ def test_what_hardly_stands_is_not_converged():
 
 
 def test_a_plan_stands_as_well_as_is_required():
-    for seed in range(6, 30):
+    for seed in range(19, 40):  # the first of which hardly stands
         direct, penalties, start = standing(seed)
         try:
             least_stable = InverseSimulator(direct).plan(
