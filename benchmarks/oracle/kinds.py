@@ -56,6 +56,7 @@ KINDS = {
     'thread': Kind(160, plans.thread),
     'thread, nested': Kind(6, plans.nested),
     'thread beside': Kind(100, plans.thread_beside),
+    'thread, oblique': Kind(40, plans.thread_oblique),
     'thread two': Kind(50, plans.thread_two),
     'sequence': Kind(30, plans.sequence),
     'insert': Kind(45, plans.insert),

@@ -110,7 +110,7 @@ def thread(given):
     depths = None if given.number % 5 == 0 else np.linspace(0, given.rng.uniform(0.5, 0.95), 10)
     task = Thread(_hole(given, radius=0.02), depths,
                   as_deep_as_possible=given.number % 4 == 1,
-                  gripper_clearance=0.1 if given.number % 7 == 3 else None)
+                  gripper_clearance=0.1 if given.number % 7 == 3 else None, max_misalignment=0)
     start = given.anywhere() if given.number % 3 == 0 else None
     return of_plan(inverse.plan(task, start=start), rod)
 
@@ -134,7 +134,20 @@ def thread_beside(given):
     room = Workspace(hole.center - 1.5, hole.center + 1.5) if given.number % 3 == 0 else None
     inverse, rod = _inverse(given, obstacles, workspace=room)
     demands = Requirements(workspace=room, stability=0.01 if given.number % 4 == 0 else 3e-4)
-    return of_plan(inverse.plan(Thread(hole, np.linspace(0, 0.7, 8)), requirements=demands), rod)
+    task = Thread(hole, np.linspace(0, 0.7, 8), max_misalignment=0)
+    return of_plan(inverse.plan(task, requirements=demands), rod)
+
+
+def thread_oblique(given):
+    """Thread a DLO that is soft for its weight, obliquely where that leaves more room."""
+    stiffness, bent = given.between(0.002, 0.1), given.number % 4 == 3
+    rod = Rod(1.0, 0.05, stiffness, 0.75 * stiffness, radius=2e-3, natural_curvature=tuple(
+        given.rng.normal(size=2)) if bent else (0.0, 0.0))
+    way = given.direction()
+    way[2] = -abs(way[2]) if given.number % 3 else way[2]
+    hole = CutOut(given.along((0, 0, 1), way), radius=given.rng.uniform(0.01, 0.04))
+    inverse = InverseSimulator(DirectSimulator(rod, **_HOW[given.number % 3]))
+    return of_plan(inverse.thread(hole), rod, 100 * PLANNED)
 
 
 def thread_two(given):
@@ -174,7 +187,7 @@ def approach(given):
     """Bring the free end before a cut-out."""
     inverse, rod = _inverse(given)
     hole = CutOut(given.along((0, 0, 1), (1, *given.rng.uniform(-0.3, 0.3, 2))), radius=0.05)
-    plan = inverse.thread(hole, depths=np.linspace(0, 0.6, 5))
+    plan = inverse.thread(hole, depths=np.linspace(0, 0.6, 5), max_misalignment=0)
     back = given.turned((-1.5, *given.rng.uniform((-0.3, 0.8), (0.3, 1.4))), (0, 0, 0))
     return of_plan(inverse.approach(hole, plan, back, standoff=0.05), rod, 10 * PLANNED)
 
@@ -244,7 +257,7 @@ def trajectory(given):
     """Time a threading so that the DLO arrives calm."""
     inverse, rod = _inverse(given)
     hole = CutOut(given.along((0, 0, 1), (1, 0, 0.1 * given.number)), radius=0.05)
-    plan = inverse.thread(hole, depths=np.linspace(0, 0.4, 4))
+    plan = inverse.thread(hole, depths=np.linspace(0, 0.4, 4), max_misalignment=0)
     found = Trajectory(plan, tolerance=np.inf if given.number % 2 else None)
     answer = Answer()
     answer.say('status', found.status)
@@ -261,7 +274,7 @@ def replayed(given):
     """Replay a threading, by its own simulator or a finer one."""
     inverse, rod = _inverse(given)
     hole = _hole(given, radius=0.05)
-    plan = inverse.thread(hole, depths=np.linspace(0, 0.7, 6))
+    plan = inverse.thread(hole, depths=np.linspace(0, 0.7, 6), max_misalignment=0)
     direct = inverse.simulator if given.number % 2 else DirectSimulator(
         rod, basis='local', n_elements=96)
     ball = Sphere(hole.center + 0.3 * given.direction(), 0.03)
@@ -279,7 +292,8 @@ def replayed(given):
 def robust(given):
     """Return by how much a threading misses where the DLO is another than assumed."""
     inverse, _ = _inverse(given)
-    plan = inverse.thread(_hole(given, radius=0.05), depths=np.linspace(0, 0.6, 3))
+    plan = inverse.thread(_hole(given, radius=0.05), depths=np.linspace(0, 0.6, 3),
+                          max_misalignment=0)
     found = robustness(inverse.simulator, plan, Uncertainty(
         bending_stiffness=0.05, mass=0.02, length=2e-3, natural_curvature=0.02,
         gripper_position=1e-3, gripper_rotation=5e-3), samples=2)
