@@ -337,10 +337,7 @@ class Plan(Filmed):
 
 def _margin_at(plan: Plan, k: int) -> float:
     """Return the margin of a waypoint, m, as `Plan.margin`."""
-    shape, at = plan.shapes[k], grasped_at(plan.shapes[k]) or 0.0
-    if shape.parts is not None:
-        shape = shape.parts[1]  # in front of the gripper
-    return least_margin(plan.uncertainty, shape, [s - at for _, s, _ in plan.via_points[k]],
+    return least_margin(plan.uncertainty, plan.shapes[k], [s for _, s, _ in plan.via_points[k]],
                         plan.clearances[k])
 
 
