@@ -141,8 +141,8 @@ def planning(command: Any) -> Any:
               help='Pose of a cut-out: its center and the direction in which the free end goes '
               'through. May be repeated: passed one after the other.')
 @click.option('--radius', type=float, help='Of the holes, m, for clearances.')
-@click.option('--max-misalignment', type=float, help='Largest angle against the normal at which the '
-              'DLO passes, rad; 0: along the normal. Of one hole, with a radius. Default: the '
+@click.option('--max-misalignment', type=float, help='Largest angle against the normal at which '
+              'the DLO passes, rad; 0: along the normal. Of one hole, with a radius. Default: the '
               'parameter threading.max_misalignment.')
 @click.option('--margin', type=float, help='Least margin in the holes, m: the clearance less two '
               'standard deviations of the expected miss. With a radius. Default: the parameter '
