@@ -244,7 +244,9 @@ class RoomSearch:
 
         `most`: largest angle at which the DLO may pass, rad.
         """
-        return self.through(task, lambda shapes: _passages(self, shapes, task, most), 'this hole')
+        return self.through(task, lambda shapes: _passages(self, shapes, task, most),
+                            'this hole' if most >= 0.5 * np.pi else
+                            'this hole within max_misalignment')
 
     def through(self, task: Threading, passed: Callable[[Reachable], Iterable[Passage]],
                 where: str) -> RoomyWay | NoRoom:

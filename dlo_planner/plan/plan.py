@@ -394,7 +394,8 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     Raises
     ------
     InvalidTask
-        The second begins elsewhere than the first ends.
+        The second begins elsewhere than the first ends, or both pass cut-outs and their margins
+        are for another `uncertainty` each.
     """
     for name, plan in (('one', one), ('other', other)):
         if not len(instance(name, plan, Plan)):
@@ -403,6 +404,10 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
         raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
                           f'{one.grippers[-1]!r}')
+    known = [plan.uncertainty for plan in (one, other) if any(plan.via_points)]
+    if len(known) == 2 and known[0] != known[1]:
+        raise InvalidTask(f'other.uncertainty = {known[1]!r}: expected that of one, {known[0]!r}, '
+                          'margins of one plan are for one uncertainty')
     (depths, grippers, shapes, misalignment, errors, times, via_points, clearances, forces, rooms,
      used, pushes) = (
         [*getattr(one, name), *getattr(other, name)[1:]] for name in PER_WAYPOINT)
@@ -415,7 +420,8 @@ def concatenate(one: Plan, other: Plan) -> Plan:
                 np.array(errors), np.array(times), tuple(via_points), padded_clearances(clearances),
                 other.sheets or one.sheets,
                 min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))),
-                np.array(forces), np.array(rooms), np.array(used), tuple(pushes))
+                np.array(forces), np.array(rooms), np.array(used), tuple(pushes),
+                known[-1] if known else other.uncertainty)
 
 
 def _turns(grippers: Sequence[Pose], length: float) -> bool:
