@@ -542,7 +542,9 @@ def plan_of(tree: Mapping[str, Any]) -> Plan:
         'status': PlanStatus(str(tree['status'])),
         'insertion_status': tuple(np.asarray(tree.get('insertion_status', ())).tolist()),
         'stops': tuple(int(stop) for stop in tree['stops'])})
-    put(plan, margin=np.asarray(tree.get('margin', np.full(len(plan), np.nan)), dtype=float))
+    margin = np.array(tree.get('margin', np.full(len(plan), np.nan)), dtype=float)
+    freeze(margin)
+    put(plan, margin=margin)
     return plan
 
 

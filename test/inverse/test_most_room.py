@@ -213,7 +213,10 @@ def test_a_demand_for_a_margin_refuses():
 def test_margins_are_kept_in_files_and_pickles(level, tmp_path):
     level.margin  # noqa: B018  it is computed
     level.save(tmp_path / 'plan.npz')
-    np.testing.assert_array_equal(Plan.load(tmp_path / 'plan.npz').margin, level.margin)
+    loaded = Plan.load(tmp_path / 'plan.npz')
+    np.testing.assert_array_equal(loaded.margin, level.margin)
+    with pytest.raises(ValueError, match='read-only'):
+        loaded.margin[0] = 1.0
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(level)).margin, level.margin)
     with pytest.raises(ValueError, match='read-only'):
         level.margin[0] = 1.0
