@@ -9,6 +9,7 @@ import goes up.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isnan
 from typing import Any
 
 
@@ -70,7 +71,7 @@ class Infeasible(DloPlannerError):
     constraint : str
         Short name of what is violated, e.g. 'stability'.
     amount : float
-        Size of the violation, in `unit`; the message ends with both.
+        Size of the violation, in `unit`; the message ends with both. nan where none is known.
     unit : str
         SI unit of the amount, '' for a ratio. If None, m, and of stability a ratio.
     plan : Plan or None
@@ -85,7 +86,8 @@ class Infeasible(DloPlannerError):
                  plan: Any = None, unit: str | None = None) -> None:
         if unit is None:
             unit = '' if constraint == 'stability' else 'm'
-        super().__init__(f'{message} ({constraint}, by {amount:.4g} {unit}'.rstrip() + ')')
+        size = '' if isnan(amount) else f', by {amount:.4g} {unit}'.rstrip()
+        super().__init__(f'{message} ({constraint}{size})')
         self.waypoint = waypoint
         self.constraint = constraint
         self.amount = amount

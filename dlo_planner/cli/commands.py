@@ -141,11 +141,12 @@ def planning(command: Any) -> Any:
               help='Pose of a cut-out: its center and the direction in which the free end goes '
               'through. May be repeated: passed one after the other.')
 @click.option('--radius', type=float, help='Of the holes, m, for clearances.')
-@click.option('--max-misalignment', type=float, help='Largest angle against the normal at which it '
-              'passes a hole of a size, rad; 0: along the normal. Default: the parameter '
-              'threading.max_misalignment.')
-@click.option('--margin', type=float, help='Least margin in the hole, m: clearance less two '
-              'standard deviations of the expected miss. Default: the parameter threading.margin.')
+@click.option('--max-misalignment', type=float, help='Largest angle against the normal at which '
+              'the DLO passes, rad; 0: along the normal. Of one hole, with a radius. Default: the '
+              'parameter threading.max_misalignment.')
+@click.option('--margin', type=float, help='Least margin in the holes, m: the clearance less two '
+              'standard deviations of the expected miss. With a radius. Default: the parameter '
+              'threading.margin.')
 @click.option('--hold-at', type=float, help='Where the gripper holds the DLO, m from its '
               'beginning: what is in front of it is threaded. Default: the parameter '
               'rod.grasped_at.')
@@ -182,8 +183,12 @@ def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None,
         number('--hold-at', hold_at, minimum=0, below=dlo.direct.rod.length, unit='m')
     if max_misalignment is not None:
         number('--max-misalignment', max_misalignment, minimum=0, maximum=np.pi / 2, unit='rad')
+        if len(holes) > 1:
+            raise InvalidTask('--max-misalignment: expected one --hole with it')
     if margin is not None:
-        number('--margin', margin, minimum=0, unit='m')
+        number('--margin', margin, above=0, unit='m')
+        if radius is None:
+            raise InvalidTask('--margin: expected --radius with it, the size of the holes')
     dlo = dlo._replace(values={**dlo.values, **{
         name: value for name, value in given.items() if value is not None}})
     cutouts = [CutOut(pose, radius=radius) for pose in holes]

@@ -45,7 +45,7 @@ class Search(NamedTuple):
     near: bool = False           # whether it is given up where it is not near
 
 
-THOROUGH = Search()
+THOROUGH = Search()  # of what hangs freely: it is not given up soon
 
 
 def minimum(mesh: Discretization, system: Problem, gripper: Pose, q: Floats,

@@ -33,6 +33,7 @@ _HALVINGS = 12      # of a lever's range at most:
 _PRECISION = 0.02   # until the bound is known to a part of itself and of how far the lever is moved
 _SHORTEST = 0.05    # of the length: what a hand can hold on to is longer
 _WIDEST = 8.0       # times the size of the hole
+_SIZES = 12         # of holes, from the widest on: the first for which the sheet is large enough
 _BACK = 0.005       # of the range: back from what the search found by this, then by twice as much
 _FARTHEST = 0.15    # each, until there is a plan, by this at most
 _CLOSER = 2         # halvings of the last step back
@@ -41,8 +42,8 @@ _CLOSER = 2         # halvings of the last step back
 def advice(simulator: DirectSimulator, task: Threading, most: float) -> str:
     """Return in words what would let a DLO through the hole of a Threading that is refused.
 
-    `most`: largest angle at which the DLO may pass, rad. '' if none of the levers does. It is asked
-    for when the plan has ended, so the deadline of the plan is none of it.
+    `most`: largest angle at which the DLO may pass, rad. '' if none of the levers helps. It is
+    asked for after the plan has been refused: the deadline of the plan does not hold for it.
     """
     task = replace(task, demands=replace(task.demands, progress=Progress()))
     shapes = _search(simulator, task), search_of(simulator, task)  # of the levers of the hole
@@ -53,7 +54,7 @@ def advice(simulator: DirectSimulator, task: Threading, most: float) -> str:
 
 
 def _held_nearer(simulator: DirectSimulator, task: Threading, most: float) -> str:
-    """Return at which distance from its end the DLO would have to be held, in words."""
+    """Return how near to its end the DLO would have to be held, in words."""
     length, around = simulator.rod.length, simulator.surroundings
 
     def held(free: float) -> tuple[DirectSimulator, Threading]:
@@ -112,7 +113,7 @@ def _larger(simulator: DirectSimulator, task: Threading, most: float, search: Ro
             return False
         return True
 
-    widest = next((part for part in np.geomspace(1 / _WIDEST, 1.0, _HALVINGS, endpoint=False)
+    widest = next((part for part in np.geomspace(1 / _WIDEST, 1.0, _SIZES, endpoint=False)
                    .tolist() if fits(part)), None)
     part = widest and _bound(
         lambda part: isinstance(search.way(scaled(part), most), RoomyWay), 1.0, widest,

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threading with the most room: the DLO passes the center in any direction.
 
-What counts is the margin, the clearance in the hole less the miss that is to be expected, or how
-much is lacking (`plan.margin`). At each
-of some depths all shapes that the DLO can come to (`inverse.reachable`) are looked at, turned about
-the vertical so that they pass as upright as they can; dynamic programming over the depths (Bellman
-1957) finds the way of the best ratings whose gripper turns least. A smooth curve along
-its grippers (Whittaker 1923) is the plan's way; the shapes on it are followed, exact as any.
+What counts is the margin: the clearance in the hole less the expected miss, or how much is lacking
+(`plan.margin`). At some depths all shapes that the DLO can come to (`inverse.reachable`) are looked
+at, turned about the vertical so that they pass as upright as they can; dynamic programming over the
+depths (Bellman 1957) finds the way of the best ratings whose gripper turns least. A smooth curve
+along its grippers (Whittaker 1923) is the way of the plan; the shapes on it are followed, as exact
+as those of any plan.
 """
 
 from __future__ import annotations
@@ -56,21 +56,21 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 from dlo_planner.uncertainty.parameters import Uncertainty
 
-_STEP = 0.2         # of the room of an upright DLO, between points that are looked at: 1 % of error
+_STEP = 0.2         # of the room of an upright DLO, between points looked at: off by half at most
 _LEAST = 0.01       # of the room of an upright DLO: less is lost between grid and plan
 _DEPTHS = 24        # that are looked at
 _STEEPEST = 0.98    # of the largest angle that is allowed: smoothing turns a way a little
 _TURN = 0.03        # per rad^2 between two depths, against the square of the part of room lost
-_FARTHEST = 0.5     # rad of the gripper, and the sine of it, between two depths looked at
-_SHIFT = 0.3        # of the length, the same
+_FARTHEST = 0.5     # rad, about: the gripper turns no farther between two depths looked at,
+_SHIFT = 0.3        # and shifts no farther, of the length
 _MOST = 400         # shapes at a depth: those of the largest margin
-_STARTS = 24        # shapes with which a way may begin that are tried
-_FIRM = (3.0, 0.3, 0.0)  # how much smoothness counts, tried in turn: features of 8, 4, no depths go
+_STARTS = 24        # shapes at the first depth that are tried as the beginning of a way
+_FIRM = (3.0, 0.3, 0.0)  # weights of smoothness, in turn: features of 8 depths go, of 4, none
 
 
 def best_rating(simulator: DirectSimulator, uncertainty: Uncertainty | None, room: float,
                 depths: Floats) -> float:
-    """Return a rating that the least one at depths (k,), m, does not exceed, in a hole's room, m.
+    """Return an upper bound of the least rating at depths (k,), m, in a hole with a room in m.
 
     It is of the DLO that hangs straight down, whose weight stiffens it most, upright in the hole.
     """
@@ -197,8 +197,8 @@ class NoRoom(NamedTuple):
         """Return it as the refusal of a Threading."""
         index = min(int(np.searchsorted(task.depths, self.depth)), len(task.depths) - 1)
         return Infeasible(f'waypoint {index} (depth {self.depth:.4g} m): {self.why}', index,
-                          self.constraint, 0.0, PlanBuilder(task.depths, task.demands).partial(),
-                          'm')
+                          self.constraint, np.nan,  # by how much, nobody has looked
+                          PlanBuilder(task.depths, task.demands).partial(), 'm')
 
 
 class RoomSearch:
@@ -244,7 +244,9 @@ class RoomSearch:
 
         `most`: largest angle at which the DLO may pass, rad.
         """
-        return self.through(task, lambda shapes: _passages(self, shapes, task, most), 'this hole')
+        return self.through(task, lambda shapes: _passages(self, shapes, task, most),
+                            'this hole' if most >= 0.5 * np.pi else
+                            'this hole within max_misalignment')
 
     def through(self, task: Threading, passed: Callable[[Reachable], Iterable[Passage]],
                 where: str) -> RoomyWay | NoRoom:
@@ -254,7 +256,8 @@ class RoomSearch:
         """
         shapes, depths = self.shapes, self.depths
         if shapes is None:
-            return NoRoom(float(depths[0]), 'the DLO does not hang by loads along one axis')
+            return NoRoom(float(depths[0]), 'the DLO does not hang stably straight down, or its '
+                          'loads are not along one axis')
         if not shapes.shapes:
             return NoRoom(float(depths[0]), 'no shape that the DLO can come to is bent as little '
                           'as it has to be')
@@ -433,8 +436,8 @@ def _least_room(scene: Scene, lengths: Floats, strains: Floats, frames: Floats, 
                 enough: float, step: float) -> float:
     """Return the least gap (m) of a DLO that is turned, its `place` (3,) in the center of the hole.
 
-    No gap changes more than its feature is long: the next point that may have a smaller one is
-    as far ahead as this gap exceeds the least. Faces of strips are not looked at.
+    Along the DLO a gap changes no faster than the arc length: the next point that may have a
+    smaller one is as far ahead as this gap exceeds the least. Faces of strips are not looked at.
     """
     room, turned = np.inf, matrix(turn)
     x, frame, offset = np.empty(3), np.empty((3, 3)), np.empty(2)

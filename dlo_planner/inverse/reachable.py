@@ -65,8 +65,9 @@ class Reachable(NamedTuple):
 
 def reachable_shapes(simulator: DirectSimulator, stability: float,
                      check: Callable[[], None]) -> Reachable | None:
-    """Return the Reachable shapes that are at least so stable; None: loads are not along one axis.
+    """Return the Reachable shapes that are more than so stable, or None.
 
+    None: the loads are not along one axis, or the DLO that hangs straight down is not that stable.
     `check` is called between the steps; it may raise.
     """
     around = simulator.surroundings
@@ -87,7 +88,7 @@ def reachable_shapes(simulator: DirectSimulator, stability: float,
 
 
 def hanging_straight(simulator: DirectSimulator) -> Shape | None:
-    """Return the Shape of a DLO whose gripper points straight down; None as `reachable_shapes`."""
+    """Return the Shape of a DLO whose gripper points straight down; None: there is none."""
     up = common_axis(simulator.mesh.static.pull)
     if up is None:
         return None

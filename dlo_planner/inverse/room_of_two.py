@@ -68,7 +68,7 @@ class _Two:
         self._chord = np.array(self._second.center - self._first.center)
         self._bound = task.demands.surface.bound
         self._rooms = np.array([upright_room(one, task.demands.surface) for one in task.cutouts])
-        # what the first takes of a miss: so both lose the same part of their room
+        # The first takes this part of a miss: so both lose the same part of their room.
         self.part = float(self._rooms[0] / self._rooms.sum())
 
     def passages(self, shapes: Reachable) -> Iterator[Passage]:
@@ -95,7 +95,7 @@ class _Two:
         share = nearness(beyond, length)
         shift = self.part * share[:, None] * misses
         off = np.linalg.norm(misses, axis=1)
-        # a DLO on its way there aims at the second
+        # A DLO that has not come to the second aims at it, and may do so roughly.
         rooms[:, 1] += _CONE * beyond
         left = rooms - np.column_stack([self.part * share * off, (1 - self.part * share) * off])
         good = np.flatnonzero((rooms > 0).all(axis=1) & (left > 0).all(axis=1))

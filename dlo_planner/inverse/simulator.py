@@ -139,8 +139,7 @@ class InverseSimulator(Value):
                depths: ArrayLike | None = None, method: str = 'coupled',
                gripper_clearance: float | None = None, as_deep_as_possible: bool = False,
                max_misalignment: float | None = None, hold_at: float | None = None,
-               linear_speed: float = 0.1,
-               angular_speed: float = 0.5, progress: OnProgress = None,
+               linear_speed: float = 0.1, angular_speed: float = 0.5, progress: OnProgress = None,
                deadline: float | None = None) -> Plan:
         """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
 
@@ -152,8 +151,9 @@ class InverseSimulator(Value):
 
         A DLO that is soft for its weight hardly stands so, or not at all. It passes obliquely where
         that leaves more margin, by a tenth of the room at least: at each depth in the direction
-        that does, of all shapes that it can come to from the one that hangs straight down.
-        `Plan.misalignment` says by how much, `Plan.via_points` along what.
+        that leaves the most, among all shapes that it can come to from the one that hangs straight
+        down. `Plan.misalignment` is the angle against the normal, `Plan.via_points` have the
+        direction.
 
         Parameters
         ----------

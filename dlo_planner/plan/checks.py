@@ -147,9 +147,9 @@ class Judge:
             found = least_margin(self.uncertainty, shape, [s for _, s, _ in waypoint.via_points],
                                  waypoint.clearances)
             if not np.isnan(found):
-                yield Margin('margin', found - self.margin, 'of the clearance {found:.3g} m would '
-                             'be left, less two standard deviations of the expected miss, margin '
-                             '= {limit:g} m', found, self.margin)
+                yield Margin('margin', found - self.margin, 'the clearance less two standard '
+                             'deviations of the expected miss would be {found:.3g} m, margin = '
+                             '{limit:g} m is required', found, self.margin)
         yield Margin('stability', shape.stability - self.stability, 'the DLO would hardly stay in '
                      'this shape: stability {found:.3g}, at least {limit:g} is required',
                      shape.stability, self.stability, '')

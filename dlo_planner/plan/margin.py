@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What uncertainty leaves of the room in a hole: clearance less the miss that is to be expected.
+"""What uncertainty leaves of the room in a hole: the clearance less the expected miss.
 
 The miss grows as 1 / stability, the clearance falls only as the cosine of the angle at which the
-DLO passes. It is to first order, for an `Uncertainty`.
+DLO passes. The miss is to first order, under an `Uncertainty`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from dlo_planner.direct.grasp import grasped_at
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
@@ -30,8 +31,8 @@ _TINY = 1e-12     # of a room
 def rating(clearance: Floats, margin: Floats, room: float) -> Floats:
     """Return (n,) how well a DLO passes: its margin as a part of the room (m) of an upright one.
 
-    Where there is none, what of two standard deviations the clearance lacks, as a part of them: so
-    a DLO with hardly any clearance, which is known the better, does not count as the best (-1).
+    Where no margin is left, what the clearance lacks of two standard deviations, as a part of them,
+    down to -1: so a DLO that has hardly any clearance, but is known better, is never the best.
 
     Shapes: clearance, margin (n,), m.
     """
@@ -46,7 +47,7 @@ def usual_uncertainty(rod: Rod) -> Uncertainty:
 
 
 def unseen(rod: Rod) -> Uncertainty:
-    """Return what looks at a DLO do not tell of the usual Uncertainty: where its gripper goes."""
+    """Return the part of the usual Uncertainty that looks do not reduce: where the gripper goes."""
     usual = usual_uncertainty(rod)
     return Uncertainty(gripper_position=usual.gripper_position,
                        gripper_rotation=usual.gripper_rotation)
@@ -90,9 +91,13 @@ def least_margin(uncertainty: Uncertainty | None, shape: Shape, arcs: Sequence[f
                  clearances: Iterable[Sequence[float] | Floats]) -> float:
     """Return the least margin (m) of a Shape that passes cut-outs at some arc lengths, m.
 
-    Of each one that it has come to the clearances are known. nan: none of them has a size, the
-    DLO is held or touches something, or the shape comes from a file.
+    The clearances are known of each one that it has come to. nan: none of them has a size, the
+    far end is held, the DLO touches something, or the shape comes from a file. Where the gripper
+    holds the DLO inside, the part in front of it is what passes.
     """
+    if shape.parts is not None:
+        at = grasped_at(shape) or 0.0
+        shape, arcs = shape.parts[1], [s - at for s in arcs]
     mesh = shape.state.mesh
     sized = [(s, float(min(rooms))) for s, rooms in zip(arcs, clearances, strict=False)
              if min(rooms) < np.inf]

@@ -337,10 +337,7 @@ class Plan(Filmed):
 
 def _margin_at(plan: Plan, k: int) -> float:
     """Return the margin of a waypoint, m, as `Plan.margin`."""
-    shape, at = plan.shapes[k], grasped_at(plan.shapes[k]) or 0.0
-    if shape.parts is not None:
-        shape = shape.parts[1]  # in front of the gripper
-    return least_margin(plan.uncertainty, shape, [s - at for _, s, _ in plan.via_points[k]],
+    return least_margin(plan.uncertainty, plan.shapes[k], [s for _, s, _ in plan.via_points[k]],
                         plan.clearances[k])
 
 
@@ -397,7 +394,8 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     Raises
     ------
     InvalidTask
-        The second begins elsewhere than the first ends.
+        The second begins elsewhere than the first ends, or both pass cut-outs and their margins
+        are for another `uncertainty` each.
     """
     for name, plan in (('one', one), ('other', other)):
         if not len(instance(name, plan, Plan)):
@@ -406,6 +404,10 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
         raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
                           f'{one.grippers[-1]!r}')
+    known = [plan.uncertainty for plan in (one, other) if any(plan.via_points)]
+    if len(known) == 2 and known[0] != known[1]:
+        raise InvalidTask(f'other.uncertainty = {known[1]!r}: expected that of one, {known[0]!r}, '
+                          'margins of one plan are for one uncertainty')
     (depths, grippers, shapes, misalignment, errors, times, via_points, clearances, forces, rooms,
      used, pushes) = (
         [*getattr(one, name), *getattr(other, name)[1:]] for name in PER_WAYPOINT)
@@ -418,7 +420,8 @@ def concatenate(one: Plan, other: Plan) -> Plan:
                 np.array(errors), np.array(times), tuple(via_points), padded_clearances(clearances),
                 other.sheets or one.sheets,
                 min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))),
-                np.array(forces), np.array(rooms), np.array(used), tuple(pushes))
+                np.array(forces), np.array(rooms), np.array(used), tuple(pushes),
+                known[-1] if known else other.uncertainty)
 
 
 def _turns(grippers: Sequence[Pose], length: float) -> bool:
@@ -539,7 +542,9 @@ def plan_of(tree: Mapping[str, Any]) -> Plan:
         'status': PlanStatus(str(tree['status'])),
         'insertion_status': tuple(np.asarray(tree.get('insertion_status', ())).tolist()),
         'stops': tuple(int(stop) for stop in tree['stops'])})
-    put(plan, margin=np.asarray(tree.get('margin', np.full(len(plan), np.nan)), dtype=float))
+    margin = np.array(tree.get('margin', np.full(len(plan), np.nan)), dtype=float)
+    freeze(margin)
+    put(plan, margin=margin)
     return plan
 
 

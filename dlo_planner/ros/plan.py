@@ -214,7 +214,8 @@ class PlanningServer(Part):
         self.markers.show('plan', scene.frame_id, stamp,
                           lambda: plan_primitives(plan, cutouts_of(task)))
         oblique = float(plan.misalignment.max())
-        said = f', up to {np.rad2deg(oblique):.2g} degrees oblique' if oblique > OBLIQUE else ''
+        said = (f', misaligned by up to {np.rad2deg(oblique):.2g} degrees' if oblique > OBLIQUE
+                else '')
         if np.isfinite(plan.clearance).any():
             said += f', smallest clearance {plan.clearance.min():.2g} m'
         if not np.isnan(plan.margin).all():
@@ -262,6 +263,10 @@ class PlanningServer(Part):
             self._job = None
 
 
+# What refuses a passage because of the hole; a workspace or a bend is another demand.
+_OF_THE_HOLE = Cause.INFEASIBLE, Cause.UNSTABLE, Cause.COLLISION
+
+
 def explained(make: Callable[[], T]) -> T:
     """Return what `make` does; where that is infeasible, say what is known of why."""
     try:
@@ -272,7 +277,9 @@ def explained(make: Callable[[], T]) -> T:
             known = '; '.join(filter(None, (error.certificate, error.advice)))
         if not known:
             raise
-        cause = cause_of(error) if error.advise is None else Cause.NO_ROOM
+        cause = cause_of(error)
+        if error.advise is not None and cause in _OF_THE_HOLE:
+            cause = Cause.NO_ROOM
         raise Refused(cause, f'{error}: {known}') from error
 
 

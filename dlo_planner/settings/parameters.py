@@ -124,9 +124,10 @@ _TABLE: dict[str, tuple[Any, ...]] = {
                                 "contact.", -1.0, 10.0),
     'threading.gripper_clearance': (0.0, 'The plan ends where the gripper comes nearer to the '
                                          'sheet than this, m; 0 = does not care.', 0.0, 10.0),
-    'threading.max_misalignment': (-1.0, 'Largest angle of the DLO against the normal of a hole of '
-                                         'a size, rad; 0 = along the normal, or no plan; below 0 = '
-                                         'as oblique as leaves the most margin.', -1.0, 1.5707),
+    'threading.max_misalignment': (-1.0, 'Largest angle of the DLO against the normal of one hole '
+                                         'that has a size, rad; 0 = along the normal, or no plan; '
+                                         'below 0 = as oblique as leaves the most margin.', -1.0,
+                                   1.5707),
     'threading.margin': (0.0, 'Least margin in a hole: the clearance less two standard deviations '
                               'of the miss that is to be expected, m; 0 = any.', 0.0, 10.0),
     # no range: it would refuse nan

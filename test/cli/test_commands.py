@@ -201,13 +201,17 @@ def test_it_is_held_where_that_is_stated(stated):
     (('thread', 'copper_wire', '--hole', '0,0,1', '--hold-at', '1'), '--hold-at = 1.0: expected'),
     (('thread', 'copper_wire', '--hole', '0,0,1', '--hole', '1,0,1', '--hold-at', '0.4'),
      'rod.grasped_at = 0.4: expected 0 for the plan of a ThreadTwo'),
+    (('thread', 'copper_wire', '--hole', '0,0,1', '--hole', '1,0,1', '--max-misalignment', '0.4'),
+     '--max-misalignment: expected one --hole with it'),
+    (('thread', 'copper_wire', '--hole', '0,0,1', '--margin', '0.001'),
+     '--margin: expected --radius with it'),
     (('shape', 'copper_wire', '-g', '0,0,1', '--far-end', '0.5,0,1', '-p', 'rod.grasped_at=0.4'),
      'rod.grasped_at = 0.4: expected 0 for --far-end'),
     (('shape', 'copper_wire', '-g', '0,0,1', '-p', 'rod.grasped_at=1'),
      'parameter rod.grasped_at = 1.0: expected a finite number > 0 and < 1'),
     (('map', 'copper_wire', '--x', '0.5', '--z', '1', '--radius', '0.1', '-p',
       'rod.grasped_at=0.4'), 'rod.grasped_at = 0.4: expected 0 for map')])
-def test_where_it_cannot_be_held_is_refused_by_name(arguments, said):
+def test_what_an_option_cannot_ask_for_is_refused_by_name(arguments, said):
     result = run(*arguments)
     assert result.exit_code == BAD_INPUT and said in result.output, result.output
 
@@ -434,7 +438,7 @@ def test_an_oblique_plan_and_what_would_help():
     held = run('thread', 'copper_wire', *SOFT, '--hole', '0,0,1,1,0,0.6', '--radius', '0.02',
                '--hold-at', f'{1 - 0.97 * free:.3f}')
     assert held.exit_code == 0, held.output
-    for option, value in (('--max-misalignment', '2'), ('--margin', '-1')):
+    for option, value in (('--max-misalignment', '2'), ('--margin', '-1'), ('--margin', '0')):
         wrong = run(*wire, option, value)
         assert wrong.exit_code == BAD_INPUT and option in wrong.output
 

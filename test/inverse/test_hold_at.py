@@ -37,7 +37,7 @@ from dlo_planner.plan.continuity import same
 from dlo_planner.plan.plan import concatenate
 from dlo_planner.rods import GraspedInside
 from dlo_planner.settings.tasks import task_from_yaml, task_to_yaml
-from dlo_planner.tasks import Approach
+from dlo_planner.tasks import Approach, Requirements
 from dlo_planner.trajectory.modal_response import slowest_period, slowest_period_of
 from dlo_planner.view.pages import Replanner
 
@@ -53,6 +53,17 @@ AT = 0.65
 def held():
     """Return the plan through HOLE."""
     return INVERSE.thread(HOLE, hold_at=AT)
+
+
+def test_a_demanded_margin_is_that_of_the_part_in_front(held):
+    least = float(held.margin.min())
+    assert 0 < least < held.clearance.min()
+    task = Thread(HOLE, hold_at=AT, max_misalignment=0)
+    kept = INVERSE.plan(task, requirements=Requirements(margin=least - 1e-5))
+    np.testing.assert_allclose(kept.margin, held.margin)
+    with pytest.raises(Infeasible) as caught:
+        INVERSE.plan(task, requirements=Requirements(margin=least + 1e-5))
+    assert caught.value.constraint == 'margin'
 
 
 def test_a_wire_that_cannot_be_threaded_from_its_end_is_where_it_is_held_inside(held):

@@ -27,8 +27,11 @@ from dlo_planner import (
 from dlo_planner.direct.shape import Shape
 from dlo_planner.inverse import most_room
 from dlo_planner.inverse.reachable import reachable_shapes
+from dlo_planner.inverse.route import Threading
 from dlo_planner.model.rod import Surface
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.margin import expected_misses, rating, uncertain_state, upright_room
+from dlo_planner.progress import Progress
 from dlo_planner.tasks import Requirements
 
 GRAVITY = (0.0, 0.0, -9.80665)
@@ -190,6 +193,13 @@ def test_the_expected_miss_is_that_of_small_changes():
     np.testing.assert_allclose(expected_misses(uncertain, shape, s), np.sqrt(squares), rtol=2e-3)
 
 
+def test_by_how_much_there_is_no_room_is_not_made_up():
+    task = Threading((hole(0),), np.linspace(0, 0.5, 3), None, Judge((0.1, 0.5), Progress()))
+    refused = most_room.NoRoom(0.3, 'nothing has room').refusal(task)
+    assert refused.waypoint == 2
+    assert np.isnan(refused.amount) and str(refused).endswith('nothing has room (room)')
+
+
 def test_a_demand_for_a_margin_refuses():
     simulator = DirectSimulator(WIRE, gravity=GRAVITY)
     inverse = InverseSimulator(simulator)
@@ -203,7 +213,10 @@ def test_a_demand_for_a_margin_refuses():
 def test_margins_are_kept_in_files_and_pickles(level, tmp_path):
     level.margin  # noqa: B018  it is computed
     level.save(tmp_path / 'plan.npz')
-    np.testing.assert_array_equal(Plan.load(tmp_path / 'plan.npz').margin, level.margin)
+    loaded = Plan.load(tmp_path / 'plan.npz')
+    np.testing.assert_array_equal(loaded.margin, level.margin)
+    with pytest.raises(ValueError, match='read-only'):
+        loaded.margin[0] = 1.0
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(level)).margin, level.margin)
     with pytest.raises(ValueError, match='read-only'):
         level.margin[0] = 1.0

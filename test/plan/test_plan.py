@@ -23,6 +23,7 @@ from dlo_planner import (
     Pose,
     Rod,
     Trajectory,
+    Uncertainty,
     Workspace,
 )
 from dlo_planner.model.pose import displaced
@@ -103,6 +104,23 @@ def test_a_plan_that_begins_elsewhere_is_not_joined(plan, first):
     empty = truncate(plan, 0, PlanStatus.PARTIAL)
     with pytest.raises(InvalidTask, match='one' if first else 'other'):
         concatenate(empty, plan) if first else concatenate(plan, empty)
+
+
+@pytest.mark.parametrize('first', [True, False])
+def test_a_way_that_passes_no_hole_changes_no_margin(plan, first):
+    known = replace(plan, uncertainty=Uncertainty(gripper_rotation=1e-4))
+    way = replace(back(plan), via_points=[()] * len(plan), clearances=np.full((9, 1, 3), np.inf))
+    whole = concatenate(back(way), back(known)) if first else concatenate(known, way)
+    assert whole.uncertainty == known.uncertainty
+    there = whole.margin[9:] if first else whole.margin[:9]
+    np.testing.assert_allclose(there, back(known).margin[1:] if first else known.margin)
+    assert (there > (back(plan).margin[1:] if first else plan.margin)).all()
+
+
+def test_plans_of_two_uncertainties_are_not_joined(plan):
+    other = replace(back(plan), uncertainty=Uncertainty(mass=0.1))
+    with pytest.raises(InvalidTask, match=r'other.uncertainty = .*: expected that of one, None'):
+        concatenate(plan, other)
 
 
 def straight_on(plan, angle):

@@ -11,14 +11,14 @@ import pytest
 from builtin_interfaces.msg import Time
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Pose, Sphere, replay
+from dlo_planner import Infeasible, Pose, Sphere, replay
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Feedback
 from dlo_planner.execute.guards import Enabled, Guards
 from dlo_planner.identify.estimator import EstimatorConfig
 from dlo_planner.plan.plan import PlanStatus, truncate
 from dlo_planner.plan.requirements import Limits
-from dlo_planner.ros.plan import make_plan, through
+from dlo_planner.ros.plan import explained, make_plan, through
 from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import PlanResult, Proof, State, Store, carried, ready
@@ -341,3 +341,17 @@ def test_bodies_are_for_whom_they_say_and_rub_as_they_say():
     made = Scene.of(values(obstacles__friction=0.2), bodies)
     assert made.direct.obstacles == (replace(balls[0], friction=0.2), balls[1])
     assert [one.center[2] for one in made.workspace.keep_out] == [0, 1, 2]
+
+
+@pytest.mark.parametrize(('constraint', 'cause'), [
+    ('stability', Cause.NO_ROOM), ('clearance', Cause.NO_ROOM), ('margin', Cause.NO_ROOM),
+    ('workspace.lower.x', Cause.WORKSPACE), ('max_bend_curvature', Cause.OVERBENT)])
+def test_the_cause_of_a_refusal_is_the_demand_that_refuses(constraint, cause):
+    def refuse():
+        error = Infeasible('waypoint 0: refused', 0, constraint, 0.1)
+        error.advise = lambda: 'it would pass if held at most 0.5 m from its end'
+        raise error
+
+    with pytest.raises(Refused, match='refused .*: it would pass if held') as caught:
+        explained(refuse)
+    assert caught.value.cause == cause

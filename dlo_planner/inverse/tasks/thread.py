@@ -74,8 +74,8 @@ _STARTS = 80, 24    # shapes looked at: set down in the natural shape, brought f
 _AHEAD = 0.0, 0.15  # of the length: other smoothings of a route
 _PREFERENCE = 0.01  # for a start without a turn, per rad^2, against rad^2 of motion on the way
 _LOOKED_AT = 4      # waypoints of a plan along the normal that tell whether it has room enough:
-_ENOUGH = 0.5       # of the room of an upright DLO, as margin; and what an oblique one has to gain
-_GAIN = 0.1
+_ENOUGH = 0.5       # of the room of an upright DLO, as margin
+_GAIN = 0.1         # of that room, or of a `rating`: an oblique plan has to leave so much more
 _HALVINGS = 6       # of the depth between the last waypoint that is reached and the next one
 
 
@@ -295,9 +295,9 @@ def deepest(planned: Callable[[Floats], Plan], depths: Floats) -> Plan:
 
 def _with_room(along: Callable[[], Plan], oblique: Callable[[], Plan], room: float,
                best: Callable[[Floats], float]) -> Plan:
-    """Return the Plan along the normal, or an oblique one that has more of the `room` (m) left.
+    """Return the Plan along the normal, or an oblique one that leaves more of the `room`, m.
 
-    `best`: no shape of the DLO has a better rating at depths (k,), m.
+    `best`: an upper bound of the least rating of any plan at depths (k,), m.
     """
     refused: Infeasible | None = None
     plan: Plan | None = None
@@ -344,8 +344,8 @@ class Thread(Task):
         Whether the plan may end before the last depth.
     max_misalignment : float or None
         Largest angle against the normal at which the DLO may pass, rad. With 0 it passes along
-        the normal, or the task is refused. If None, as obliquely as it has to: along the normal
-        where that leaves half of the room as `Plan.margin`, else with the largest margin. A
+        the normal, or the task is refused. If None, any: along the normal where that leaves half
+        of the room as `Plan.margin`, else obliquely if that leaves a tenth of the room more. A
         cut-out without a size is passed along its normal.
     hold_at : float or None
         Where the gripper holds the DLO, m from its beginning. If None, at its beginning.
