@@ -271,7 +271,7 @@ class LoopTask:
         task = replace(stated, **{one.name: estimated(getattr(stated, one.name))
                                   for one in fields(stated)})
         through = inverse.plan(task, start=start, requirements=replace(
-            inverse.requirements, uncertainty=unseen(simulator.rod)))
+            known.requirements, uncertainty=unseen(simulator.rod)))
         return inverse.plan(Approach(cutouts_of(task)[0], through.shapes[0], standoff),
                             start=start), through
 

@@ -244,6 +244,8 @@ class RoomSearch:
 
         `most`: largest angle at which the DLO may pass, rad.
         """
+        if upright_room(task.cutouts[0], self.demands.surface) <= 0:
+            return NoRoom(float(self.depths[0]), 'the hole is no wider than the DLO')
         return self.through(task, lambda shapes: _passages(self, shapes, task, most),
                             'this hole' if most >= 0.5 * np.pi else
                             'this hole within max_misalignment')

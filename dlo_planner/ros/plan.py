@@ -272,9 +272,11 @@ def explained(make: Callable[[], T]) -> T:
     try:
         return make()
     except Infeasible as error:
-        known = ''
+        found = list[str]()
         with suppress(DloPlannerError):  # whoever has no more time for it hears the rest
-            known = '; '.join(filter(None, (error.certificate, error.advice)))
+            found.append(error.certificate)
+            found.append(error.advice)
+        known = '; '.join(filter(None, found))
         if not known:
             raise
         cause = cause_of(error)
