@@ -52,7 +52,8 @@ from dlo_planner.plan.margin import (
     uncertain_state,
     upright_room,
 )
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.plan import Plan, passages
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 from dlo_planner.uncertainty.parameters import Uncertainty
 
@@ -140,6 +141,22 @@ def thread_with_most_room(simulator: DirectSimulator, task: Threading, most: flo
             np.arctan2(across, axes[:, 0] @ cutout.normal))))
 
     return planned_along(simulator, task, way, waypoint, most)
+
+
+def missed_between(simulator: DirectSimulator, plan: Plan) -> float:
+    """Return by how much a Plan through one cut-out misses its center between waypoints, m.
+
+    Half-way from each waypoint to the next, of the DLO that follows slowly: where waypoints are few
+    and the gripper turns far, the DLO does not keep to the center on the way.
+    """
+    path, largest = GripperPath.of(plan), 0.0
+    for k, shape in enumerate(plan.shapes[:-1]):
+        (position,), (rotation,) = path.at(0.5 * (plan.times[k:k + 1] + plan.times[k + 1:k + 2]))
+        between = simulator.track([Pose.from_rotation(position, rotation)], initial=shape)[0]
+        goal, = passages(plan.via_points[k + 1], float(shape.s[-1]))
+        if plan.depths[k + 1] > 0:  # else the free end has not come there
+            largest = max(largest, float(np.linalg.norm(goal.residuals(between))))
+    return largest
 
 
 def planned_along(simulator: DirectSimulator, task: Threading, way: RoomyWay | NoRoom,

@@ -79,8 +79,8 @@ def test_faults_are_what_is_stated_by_themselves_and_together():
             case(f'kink{JOINED}{wrong}', 0)
 
 
-@pytest.mark.parametrize(('name', 'seed', 'ends'), [('turned camera', 1, 'refused'),
-                                                    ('biased camera', 1, 'clean')])
+@pytest.mark.parametrize(('name', 'seed', 'ends'), [('biased camera', 1, 'clean'),
+                                                    ('turned camera', 1, 'refused')])
 @pytest.mark.every(2)
 def test_a_loop_that_its_tracker_deceives_keeps_its_promise_or_says_why_it_stops(name, seed, ends):
     found = cell_trust.driven(name, seed)

@@ -56,6 +56,7 @@ def test_held_nearer_it_passes_and_no_farther():
     refusal(replace(SOFT, length=1.04 * free), hole(40, 0.02))
 
 
+@pytest.mark.sweep
 def test_turned_downwards_it_passes_and_no_less():
     # a search with fewer depths than a plan finds a way before there is a plan: the first plan that
     # was tried then was 2 degrees farther
@@ -65,6 +66,7 @@ def test_turned_downwards_it_passes_and_no_less():
     refusal(rod, hole(1.3 - 0.95 * turned, 0.0243))
 
 
+@pytest.mark.sweep
 def test_through_a_larger_hole_it_keeps_a_margin():
     given = {'requirements': Requirements(margin=0.0), 'depths': np.linspace(0, 0.19, 12)}
     radius = number('of radius', refusal(WIRE, hole(0, 0.01), **given).advice)

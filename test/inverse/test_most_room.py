@@ -333,6 +333,7 @@ def test_a_refusal_says_what_would_help():
     assert Infeasible('', 0, 'room', 0.0).advice == ''
 
 
+@pytest.mark.sweep
 def test_advice_of_a_hole_that_is_too_small():
     cutout = replace(hole(65), radius=None, width=0.012, height=0.008)
     with pytest.raises(Infeasible) as caught:
@@ -363,3 +364,11 @@ def test_hardly_any_clearance_is_never_the_best():
     found = plan(wire, hole(0), depths=np.linspace(0, 0.9, 20))
     assert found.misalignment.max() < 1e-8
     assert found == plan(wire, hole(0), depths=np.linspace(0, 0.9, 20), max_misalignment=0)
+
+
+def test_of_few_waypoints_no_oblique_plan_replaces_one_along_the_normal():
+    wire = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+    cutout, few = hole(0, 0.02), np.linspace(0, 0.5, 6)
+    many = plan(wire, cutout, depths=np.linspace(0, 0.5, 30))
+    assert many.misalignment.max() > 0.2
+    assert plan(wire, cutout, depths=few).misalignment.max() < 1e-8

@@ -41,7 +41,7 @@ from dlo_planner.inverse.equilibria import (
     start_candidates,
 )
 from dlo_planner.inverse.held_inside import HeldInside
-from dlo_planner.inverse.most_room import best_rating, thread_with_most_room
+from dlo_planner.inverse.most_room import best_rating, missed_between, thread_with_most_room
 from dlo_planner.inverse.reachable import reachable_shapes
 from dlo_planner.inverse.route import (
     NO_WAY,
@@ -61,6 +61,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder, kept_between
+from dlo_planner.plan.checks import ROOM
 from dlo_planner.plan.margin import upright_room
 from dlo_planner.plan.plan import Plan, PlanStatus, least_rating, truncate
 from dlo_planner.plan.waypoint import Waypoint
@@ -294,10 +295,11 @@ def deepest(planned: Callable[[Floats], Plan], depths: Floats) -> Plan:
 
 
 def _with_room(along: Callable[[], Plan], oblique: Callable[[], Plan], room: float,
-               best: Callable[[Floats], float]) -> Plan:
+               best: Callable[[Floats], float], missed: Callable[[Plan], float]) -> Plan:
     """Return the Plan along the normal, or an oblique one that leaves more of the `room`, m.
 
-    `best`: an upper bound of the least rating of any plan at depths (k,), m.
+    `best`: an upper bound of the least rating of any plan at depths (k,), m. `missed`: by how much
+    a plan misses the center between its waypoints, m.
     """
     refused: Infeasible | None = None
     plan: Plan | None = None
@@ -318,7 +320,9 @@ def _with_room(along: Callable[[], Plan], oblique: Callable[[], Plan], room: flo
     if plan is None:
         return other
     one, another = (least_rating(each, np.arange(len(each)), room) for each in (plan, other))
-    return other if another >= one + _GAIN else plan
+    if another < one + _GAIN or missed(other) > ROOM * other.clearances.min():
+        return plan  # of few waypoints an oblique one would lose its room between them
+    return other
 
 
 def _refused_both(along: Infeasible, oblique: Infeasible) -> Infeasible:
@@ -394,7 +398,8 @@ class Thread(Task):
             if room <= 0:  # no direction is better
                 return along()
             return _with_room(along, partial(thread_with_most_room, free, task, most), room,
-                              partial(best_rating, free, task.demands.uncertainty, room))
+                              partial(best_rating, free, task.demands.uncertainty, room),
+                              partial(missed_between, free))
         except Infeasible as error:
             error.advise = partial(advice, free, task, most)
             raise
