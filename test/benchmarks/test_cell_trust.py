@@ -81,7 +81,7 @@ def test_faults_are_what_is_stated_by_themselves_and_together():
 
 @pytest.mark.parametrize(('name', 'seed', 'ends'), [('biased camera', 1, 'clean'),
                                                     ('turned camera', 1, 'refused')])
-@pytest.mark.every(2)
+@pytest.mark.sweep
 def test_a_loop_that_its_tracker_deceives_keeps_its_promise_or_says_why_it_stops(name, seed, ends):
     found = cell_trust.driven(name, seed)
     assert not found['error']
