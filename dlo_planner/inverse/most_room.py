@@ -149,6 +149,8 @@ def missed_between(simulator: DirectSimulator, plan: Plan) -> float:
     Half-way from each waypoint to the next, of the DLO that follows slowly: where waypoints are few
     and the gripper turns far, the DLO does not keep to the center on the way.
     """
+    if len(plan) < 2 or not plan.times[-1] > plan.times[0]:
+        return 0.0
     path, largest = GripperPath.of(plan), 0.0
     for k, shape in enumerate(plan.shapes[:-1]):
         (position,), (rotation,) = path.at(0.5 * (plan.times[k:k + 1] + plan.times[k + 1:k + 2]))

@@ -372,3 +372,8 @@ def test_of_few_waypoints_no_oblique_plan_replaces_one_along_the_normal():
     many = plan(wire, cutout, depths=np.linspace(0, 0.5, 30))
     assert many.misalignment.max() > 0.2
     assert plan(wire, cutout, depths=few).misalignment.max() < 1e-8
+
+
+@pytest.mark.parametrize('depths', [[0.0], [0.1], [0.05, 0.05]])
+def test_one_waypoint_may_be_all(depths):
+    assert len(plan(WIRE, hole(-20), depths=depths)) == len(depths)
