@@ -40,7 +40,7 @@ from dlo_planner.inverse.equilibria import headings_to, is_axisymmetric, least_t
 from dlo_planner.inverse.reachable import Reachable, hanging_straight, reachable_shapes
 from dlo_planner.inverse.route import Threading, gets_there, quick_simulator
 from dlo_planner.kernels import kernel
-from dlo_planner.model.arrays import Bools, Floats, Ints
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
 from dlo_planner.plan.checks import Judge, violated
@@ -91,8 +91,9 @@ class Passage(NamedTuple):
     places: Floats     # (m, 3) the gripper's origin from the center, m
     rating: Floats     # (m,) of clearance and margin, see `plan.margin`
 
-    def chosen(self, some: Bools | Ints) -> Passage:
-        """Return some of them (a mask or indices)."""
+    def best(self) -> Passage:
+        """Return those of the best ratings, so many as a search can look at."""
+        some = np.argsort(-self.rating, kind='stable')[:_MOST]
         return Passage(self.which[some], *(one[some] for one in self[1:]))
 
 
@@ -388,7 +389,7 @@ def _passages(search: RoomSearch, shapes: Reachable, task: Threading,
         passage = Passage(which, turned @ shapes.frames[which, 0],
                           -np.einsum('kij,kj->ki', turned, places[which]),
                           rating(room, room - DEVIATIONS * search.misses(which, index), full))
-        yield passage.chosen(np.argsort(-passage.rating, kind='stable')[:_MOST])
+        yield passage.best()
 
 
 def _turns(tangents: Floats, normal: Floats, up: Floats, round_: bool) -> Floats:

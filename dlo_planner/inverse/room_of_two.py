@@ -29,7 +29,6 @@ from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
 _BLEND = 0.25  # of the length: from there on a cut-out ahead counts
 _CONE = 0.5    # by how much a DLO that aims at it may miss it, as a part of the way to it
-_MOST = 400    # shapes at a depth: those of the best rating
 
 
 def thread_two_with_room(simulator: DirectSimulator, task: Threading) -> Plan:
@@ -107,9 +106,9 @@ class _Two:
             for k, arcs in enumerate((np.full(len(which), s), there))])
         aims = 1 - share[good] * (1 - left[:, 1] / rooms[good, 1])
         rated[:, 1] = np.where(there > length, aims, rated[:, 1])
-        passage = Passage(which, turns @ shapes.frames[which, 0],
-                          shift - np.einsum('kij,kj->ki', turns, begin[which]), rated.min(axis=1))
-        return passage.chosen(np.argsort(-passage.rating, kind='stable')[:_MOST])
+        return Passage(which, turns @ shapes.frames[which, 0],
+                       shift - np.einsum('kij,kj->ki', turns, begin[which]),
+                       rated.min(axis=1)).best()
 
 
 def _at_distance(shapes: Reachable, s: float, begin: Floats,

@@ -156,13 +156,15 @@ def thread_by_room(simulator: DirectSimulator, task: Threading) -> Plan:
     if not ((rooms > 0) & (rooms < np.inf)).all():
         return thread_sequence(simulator, task, weights)
     weights = rooms.min() / rooms
-    for _ in range(_REWEIGHTED):
+    for left in reversed(range(_REWEIGHTED)):
         try:
             return thread_sequence(simulator, task, weights)
         except Infeasible as error:
             if error.constraint != 'clearance':
                 raise refused or error from None
             refused = error
+            if not left:
+                break
         try:
             lost = _lost_parts(simulator, task, weights, rooms)
         except Infeasible:
