@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -66,10 +66,28 @@ class Body(NamedTuple):
 _FLUSH = 1e-6  # of the sheet, and rad: how far a cut-out may lie off its sheet's middle plane
 _NO_LENGTH = 1e-9  # of its other measures: a capsule that short has no direction
 _ROUNDING = 1e-9   # of the sheet
+_LONGEST_NAME = 256  # characters, so that a refusal can be read
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Plane(Value):
+class Named(Value):
+    """Base of obstacles: how one is called in answers and refusals.
+
+    Attributes
+    ----------
+    name : str
+        A line of text; '' if it has no name, and is called by its class and its index.
+    """
+
+    name: str = field(default='', kw_only=True)
+
+    def __post_init__(self) -> None:
+        _judge_name(f'{type(self).__name__}.name', self.name)
+        super().__post_init__()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plane(Named):
     """A floor or wall that fills everything behind it.
 
     Attributes
@@ -80,6 +98,8 @@ class Plane(Value):
         Normal of any length but zero, pointing away from the solid.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
     """
 
     point: Floats
@@ -87,7 +107,8 @@ class Plane(Value):
     friction: float = 0.0
 
     if TYPE_CHECKING:  # what may be given, here and below
-        def __init__(self, point: ArrayLike, normal: ArrayLike, friction: float = 0.0) -> None: ...
+        def __init__(self, point: ArrayLike, normal: ArrayLike, friction: float = 0.0, *,
+                     name: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         put(self, point=vector('Plane.point', self.point, 3),
@@ -101,7 +122,7 @@ class Plane(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sphere(Value):
+class Sphere(Named):
     """A ball.
 
     Attributes
@@ -112,6 +133,8 @@ class Sphere(Value):
         Radius in m.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
     """
 
     center: Floats
@@ -119,7 +142,8 @@ class Sphere(Value):
     friction: float = 0.0
 
     if TYPE_CHECKING:
-        def __init__(self, center: ArrayLike, radius: float, friction: float = 0.0) -> None: ...
+        def __init__(self, center: ArrayLike, radius: float, friction: float = 0.0, *,
+                     name: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         put(self, center=vector('Sphere.center', self.center, 3),
@@ -138,7 +162,7 @@ class Sphere(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _Bar(Value):
+class _Bar(Named):
     """Base of what is round about a line: it checks."""
 
     start: Floats
@@ -148,7 +172,8 @@ class _Bar(Value):
 
     if TYPE_CHECKING:
         def __init__(self, start: ArrayLike, end: ArrayLike, radius: float,
-                     friction: float = 0.0) -> None: ...
+                     friction: float = 0.0, *,
+                     name: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         name = type(self).__name__
@@ -188,6 +213,8 @@ class Capsule(_Bar):
         Radius in m.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
     """
 
     @property
@@ -215,6 +242,8 @@ class Cylinder(_Bar):
         Radius in m.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
     """
 
     @property
@@ -225,7 +254,7 @@ class Cylinder(_Bar):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Box(Value):
+class Box(Named):
     """A rectangular block.
 
     Attributes
@@ -236,6 +265,8 @@ class Box(Value):
         Full sizes along the pose's axes, m.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
     """
 
     pose: Pose
@@ -243,7 +274,8 @@ class Box(Value):
     friction: float = 0.0
 
     if TYPE_CHECKING:
-        def __init__(self, pose: Pose, size: ArrayLike, friction: float = 0.0) -> None: ...
+        def __init__(self, pose: Pose, size: ArrayLike, friction: float = 0.0, *,
+                     name: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         instance('Box.pose', self.pose, Pose)
@@ -262,7 +294,7 @@ class Box(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Ellipsoid(Value):
+class Ellipsoid(Named):
     """An ellipsoid; only a DLO with a round section may touch it.
 
     Attributes
@@ -273,6 +305,8 @@ class Ellipsoid(Value):
         Half axes along the pose's axes, m.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
     """
 
     pose: Pose
@@ -280,7 +314,8 @@ class Ellipsoid(Value):
     friction: float = 0.0
 
     if TYPE_CHECKING:
-        def __init__(self, pose: Pose, half_axes: ArrayLike, friction: float = 0.0) -> None: ...
+        def __init__(self, pose: Pose, half_axes: ArrayLike, friction: float = 0.0, *,
+                     name: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         instance('Ellipsoid.pose', self.pose, Pose)
@@ -302,7 +337,7 @@ class Ellipsoid(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sheet(Value):
+class Sheet(Named):
     """A flat rectangular plate with cut-outs; the x axis of its pose is its normal.
 
     Attributes
@@ -319,6 +354,8 @@ class Sheet(Value):
         CutOuts with a size, centered in the middle plane, normal to it.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
 
     Raises
     ------
@@ -335,7 +372,8 @@ class Sheet(Value):
 
     if TYPE_CHECKING:
         def __init__(self, pose: Pose, width: float, height: float, thickness: float = 1e-3,
-                     cutouts: Iterable[CutOut] | CutOut = (), friction: float = 0.0) -> None: ...
+                     cutouts: Iterable[CutOut] | CutOut = (), friction: float = 0.0, *,
+                     name: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         instance('Sheet.pose', self.pose, Pose)
@@ -350,10 +388,10 @@ class Sheet(Value):
 
     @classmethod
     def around(cls, cutout: CutOut, width: float = 0.4, height: float = 0.4,
-               thickness: float = 1e-3, friction: float = 0.0) -> Sheet:
+               thickness: float = 1e-3, friction: float = 0.0, *, name: str = '') -> Sheet:
         """Return a sheet with one cut-out in its center."""
         instance('cutout', cutout, CutOut)
-        return cls(cutout.pose, width, height, thickness, (cutout,), friction)
+        return cls(cutout.pose, width, height, thickness, (cutout,), friction, name=name)
 
     def _check(self, name: str, cutout: CutOut) -> None:
         if cutout.radius is None and cutout.width is None:
@@ -380,6 +418,18 @@ class Sheet(Value):
 
 Obstacle: TypeAlias = Plane | Sphere | Capsule | Cylinder | Box | Ellipsoid | Sheet
 OBSTACLES: tuple[type, ...] = get_args(Obstacle)
+
+
+def called(obstacle: Obstacle, index: int) -> str:
+    """Return how an obstacle is called in a sentence: by its name, else by its class and index."""
+    return obstacle.name or f'{type(obstacle).__name__} {index}'
+
+
+def _judge_name(name: str, value: object) -> None:
+    if not isinstance(value, str) or len(value) > _LONGEST_NAME or not (
+            value.isprintable() and value == value.strip()):
+        raise InvalidTask(f'{name} = {shown(value)}: expected a line of at most {_LONGEST_NAME} '
+                          'characters, which neither begins nor ends with a space')
 
 
 def _friction(self: Any) -> float:

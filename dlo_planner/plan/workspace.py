@@ -90,7 +90,8 @@ class Workspace(Value):
                                                           self.gripper_radius), False)
                        for k, axis in enumerate('xyz') if np.isfinite(corner[k])]
         scene = self._scene
-        limits += [(f'workspace.keep_out[{source}]', _body(scene, o), kind == SHEET)
+        limits += [(f'workspace.keep_out[{self.keep_out[source].name or source}]',
+                    _body(scene, o), kind == SHEET)
                    for o, (source, kind) in enumerate(zip(scene.source, scene.kind, strict=True))]
         return limits
 

@@ -37,6 +37,7 @@ from msg_helpers.obstacles import Body
 
 _MOTION = 0.95    # of the limits, which a motion is made for: the rest is left to corrections
 _LONGEST = 1000   # characters or entries of a value
+_LONGEST_GROUP = 200  # characters of a namespace in the name of an obstacle
 _OPEN = lru_cache(4)(open_task)  # a long text takes long to read, at each change of an obstacle
 
 
@@ -65,9 +66,10 @@ class Scene:
         """Return the Scene of parameter values and obstacles."""
         _judge(values)
         solids: dict[str, list[Obstacle]] = {'all': [], 'workspace only': []}
-        for body in bodies.values():
-            solids[body.role].append(body.obstacle if body.friction is not None else replace(
-                body.obstacle, friction=values['obstacles.friction']))
+        for key, body in bodies.items():
+            friction = values['obstacles.friction'] if body.friction is None else body.friction
+            solids[body.role].append(replace(body.obstacle, friction=friction,
+                                             name=body_name(key)))
         direct = direct_of(values, solids['all'])
         return cls(values, bodies, direct, inverse_of(values, direct, solids['workspace only']),
                    grasped_of(values, direct),
@@ -123,6 +125,12 @@ class Scene:
         """Whether what was planned and proved in this Scene holds in another one."""
         return all(getattr(self, name) == getattr(other, name) for name in (
             'frame_id', 'direct', 'grasped', 'inverse', 'tool', 'limits', 'cutout_radius'))
+
+
+def body_name(key: tuple[str, int]) -> str:
+    """Return how an obstacle is called, of its (namespace, id), as in RViz."""
+    group = ''.join(sign if sign.isprintable() else '?' for sign in key[0][:_LONGEST_GROUP])
+    return f'{group.strip()}/{key[1]}'
 
 
 def _judge(values: Mapping[str, Any]) -> None:

@@ -16,9 +16,9 @@ from dlo_planner.execute.causes import Cause
 from dlo_planner.model.rod import Surface, doubts
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.ros.inputs import bodies_in, body_name, brief_text
+from dlo_planner.ros.inputs import bodies_in, brief_text
 from dlo_planner.ros.lifecycle import CHANGES
-from dlo_planner.ros.scene import Scene
+from dlo_planner.ros.scene import Scene, body_name
 from dlo_planner.ros.state import State
 from dlo_planner.ros.status import Part, Shared
 from dlo_planner.settings.parameters import PARAMETERS
