@@ -29,7 +29,17 @@ from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Ellipsoid, Plane, Sheet, Sphere
+from dlo_planner.model.obstacles import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Hull,
+    Mesh,
+    Plane,
+    Sheet,
+    Sphere,
+)
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import FarEnd, PointLoad
@@ -44,8 +54,8 @@ from dlo_planner.verify.robustness import robustness
 
 __all__ = ['Box', 'Capsule', 'ClosedLoop', 'CutOut', 'Cylinder', 'DeadlineExceeded',
            'DirectSimulator', 'DloPlannerError', 'DoubtfulInput', 'Ellipsoid', 'FarEnd',
-           'HoldContact', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
-           'LayOnLine', 'Limits', 'Minimize', 'NotConverged', 'Observer', 'Plan', 'Plane',
-           'PointLoad', 'Pose', 'Rod', 'Shape', 'Sheet', 'SlideContact', 'Sphere', 'Thread',
-           'ThreadSequence', 'ThreadTwo', 'Trajectory', 'Uncertainty', 'Workspace', 'fit_rod',
-           'replay', 'robustness', 'solve_many']
+           'HoldContact', 'Hull', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask',
+           'InverseSimulator', 'LayOnLine', 'Limits', 'Mesh', 'Minimize', 'NotConverged',
+           'Observer', 'Plan', 'Plane', 'PointLoad', 'Pose', 'Rod', 'Shape', 'Sheet',
+           'SlideContact', 'Sphere', 'Thread', 'ThreadSequence', 'ThreadTwo', 'Trajectory',
+           'Uncertainty', 'Workspace', 'fit_rod', 'replay', 'robustness', 'solve_many']

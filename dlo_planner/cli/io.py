@@ -19,10 +19,10 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.extras import extra
-from dlo_planner.files import writable
 from dlo_planner.inverse.plain_tasks import FieldKind, from_plain
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import did_you_mean, shown, vector
+from dlo_planner.model.files import writable
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.plain_poses import pose_of, pose_of_numbers
 from dlo_planner.model.pose import Pose

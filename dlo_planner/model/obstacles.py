@@ -6,16 +6,28 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, get_args
+from functools import cached_property
+from os import PathLike
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import direction, instance, items, number, shown, vector
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.checks import (
+    array,
+    direction,
+    flag,
+    instance,
+    items,
+    number,
+    shown,
+    vector,
+)
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.triangles import MOST, Surface, closed, hull, mended, read
 from dlo_planner.model.value import Value, put
 
 # ------------------------------------------------------------------------------------------------
@@ -25,9 +37,11 @@ from dlo_planner.model.value import Value, put
 class Solid(NamedTuple):
     """A body that RViz, browsers and physics engines know: what obstacles are drawn with."""
 
-    kind: str  # 'box', 'ball' (an ellipsoid) or 'cylinder' (flat ends, its axis along z)
-    pose: Pose  # pose of its center
+    # 'box', 'ball' (an ellipsoid), 'cylinder' (flat ends, its axis along z) or 'mesh'
+    kind: str
+    pose: Pose  # pose of its center; of a mesh, of its frame
     size: tuple[float, float, float]  # (3,) full sizes along the axes of the pose, m
+    surface: Surface | None = None  # of a mesh, its triangles
 
 
 def bar(start: Floats, end: Floats, radius: float) -> Solid:
@@ -48,19 +62,23 @@ def ball(center: Floats, radius: float) -> Solid:
 
 
 class Body(NamedTuple):
-    """A convex body, or a sheet: how `energy.scene` computes its distance, and of what.
+    """A convex body, a sheet or a mesh: how `energy.scene` computes its distance, and of what.
 
-    Convex, because the plane at its nearest point is taken as a bound of all of it.
+    Convex, because the plane at its nearest point is taken as a bound of all of it; of sheets and
+    meshes it is not.
     """
 
     kind: str  # one of `energy.scene.KINDS`
     pose: Pose  # pose of its center
     size: ArrayLike  # (3,) half sizes along the axes of the pose, m; see `energy.scene.Scene`
     inner: float = 0.0  # how deep in it a point still knows its way out, m
+    surface: Surface | None = None  # of a mesh or a hull, its triangles
+    smooth: bool = False  # a mesh whose edges are rounded where it is touched
 
 
 # ------------------------------------------------------------------------------------------------
-# What a DLO may touch: plane, sphere, capsule, cylinder, box, ellipsoid, sheet with cut-outs.
+# What a DLO may touch: plane, sphere, capsule, cylinder, box, ellipsoid, sheet with cut-outs, mesh,
+# convex hull.
 
 
 _FLUSH = 1e-6  # of the sheet, and rad: how far a cut-out may lie off its sheet's middle plane
@@ -416,7 +434,199 @@ class Sheet(Named):
         return reach
 
 
-Obstacle: TypeAlias = Plane | Sphere | Capsule | Cylinder | Box | Ellipsoid | Sheet
+@dataclass(frozen=True, eq=False, repr=False)
+class Mesh(Named):
+    """A solid inside of triangles, of any shape; only a DLO with a round section may touch it.
+
+    What is promised of it (clearance, that nothing passes through, penetration) is told by the
+    exact distance from the triangles.
+
+    Attributes
+    ----------
+    vertices : ndarray, shape (n, 3)
+        Vertices in m, in the frame of the pose.
+    faces : ndarray of int, shape (m, 3)
+        Indices of the vertices of each triangle, counterclockwise as seen from outside.
+    pose : Pose
+        Pose of the frame of the vertices.
+    friction : float
+        Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
+    smooth : bool
+        Whether the DLO touches a smooth surface in place of the triangles, for what is round: its
+        edges and creases are rounded on the scale of half the DLO's radius. False: the triangles
+        themselves, for what has few, flat faces.
+    name : str
+        How it is called; '' if it has no name.
+
+    Raises
+    ------
+    InvalidTask
+        Triangles that do not enclose a solid: with open edges, flat ones, or seen from within.
+    """
+
+    vertices: Floats
+    faces: Ints
+    pose: Pose = Pose.identity()  # noqa: RUF009 - frozen
+    friction: float = 0.0
+    smooth: bool = True
+
+    if TYPE_CHECKING:
+        def __init__(self, vertices: ArrayLike, faces: ArrayLike, pose: Pose = ...,
+                     friction: float = 0.0, smooth: bool = True, *,
+                     name: str = '') -> None: ...
+
+    def __post_init__(self) -> None:
+        instance('Mesh.pose', self.pose, Pose)
+        vertices = array('Mesh.vertices', self.vertices, (None, 3))
+        faces = _whole('Mesh.faces', self.faces)
+        closed('Mesh', vertices, faces)
+        put(self, vertices=vertices, faces=faces, friction=_friction(self),
+            smooth=flag('Mesh.smooth', self.smooth))
+        super().__post_init__()
+
+    @classmethod
+    def read(cls, path: str | PathLike[str], unit: str | None = None,
+             pose: Pose = Pose.identity(), friction: float = 0.0,  # noqa: B008 - frozen
+             smooth: bool = True) -> Self:
+        """Return the Mesh of a file: STL, OBJ, PLY, GLB or 3MF.
+
+        Vertices at one place are joined, triangles without area go, and triangles that are seen
+        from within are turned; holes are not filled.
+
+        Parameters
+        ----------
+        path : str or PathLike
+            File.
+        unit : str, optional
+            Unit of the numbers in the file: 'm', 'mm', 'cm' or 'in'. If None, the file has to say
+            it, as GLB (m) and 3MF do.
+        pose : Pose, optional
+            Pose of the file's frame.
+        friction : float, optional
+            Coulomb's coefficient, >= 0.
+        smooth : bool, optional
+            See `Mesh`.
+
+        Returns
+        -------
+        Mesh
+
+        Raises
+        ------
+        InvalidTask
+            No such file, another kind of file, a unit that nobody has said, or triangles that do
+            not enclose a solid.
+        MissingExtra
+            The package that reads such files is not there.
+        """
+        found = read(path, unit)
+        try:
+            return cls(*found, pose, friction, smooth)
+        except InvalidTask as error:
+            raise InvalidTask(f'path = {shown(str(path))}: {error}') from None
+
+    @classmethod
+    def mended(cls, vertices: ArrayLike, faces: ArrayLike,
+               pose: Pose = Pose.identity(), friction: float = 0.0,  # noqa: B008 - frozen
+               smooth: bool = True) -> Self:
+        """Return a Mesh of triangles as they come from elsewhere: mended as by `read`.
+
+        Parameters
+        ----------
+        vertices : array_like, shape (n, 3)
+            Vertices in m, in the frame of the pose.
+        faces : array_like of int, shape (m, 3)
+            Indices of the vertices of each triangle.
+        pose, friction, smooth
+            See `Mesh`.
+
+        Returns
+        -------
+        Mesh
+
+        Raises
+        ------
+        InvalidTask
+            Triangles that do not enclose a solid.
+        """
+        given = array('vertices', vertices, (None, 3))
+        indices = _whole('faces', faces)
+        if ((indices < 0) | (indices >= len(given))).any():
+            closed('Mesh', given, indices)  # which says what is wrong
+        return cls(*mended(given, indices), pose, friction, smooth)
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The triangles, in the frame of the pose."""
+        return Surface(self.vertices, self.faces)
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """What it is for kernels."""
+        return (Body('mesh', self.pose, _reach_of(self.vertices), 0.0, self.surface, self.smooth),)
+
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """What it looks like."""
+        return (Solid('mesh', self.pose, (1.0, 1.0, 1.0), self.surface),)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Hull(Named):
+    """The convex hull of points; only a DLO with a round section may touch it.
+
+    Its faces are flat and its edges sharp. What is round is better an `Ellipsoid`, or a `Mesh`.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n, 3)
+        Points in m, in the frame of the pose; four or more, not in a plane.
+    pose : Pose
+        Pose of the frame of the points.
+    friction : float
+        Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
+    """
+
+    points: Floats
+    pose: Pose = Pose.identity()  # noqa: RUF009 - frozen
+    friction: float = 0.0
+
+    if TYPE_CHECKING:
+        def __init__(self, points: ArrayLike, pose: Pose = ..., friction: float = 0.0, *,
+                     name: str = '') -> None: ...
+
+    def __post_init__(self) -> None:
+        instance('Hull.pose', self.pose, Pose)
+        points = array('Hull.points', self.points, (None, 3))
+        put(self, points=points, friction=_friction(self), surface=hull('Hull.points', points))
+        super().__post_init__()
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The triangles of the hull, in the frame of the pose."""
+        return hull('Hull.points', self.points)
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """What it is for kernels."""
+        vertices, faces = self.surface
+        a, b, c = (vertices[faces[:, k]] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        heights = np.einsum('ij,ij->i', normals, a - vertices.mean(axis=0))
+        inner = float((heights / np.linalg.norm(normals, axis=1)).min())
+        return (Body('hull', self.pose, _reach_of(vertices), inner, self.surface),)
+
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """What it looks like."""
+        return (Solid('mesh', self.pose, (1.0, 1.0, 1.0), self.surface),)
+
+
+Obstacle: TypeAlias = Plane | Sphere | Capsule | Cylinder | Box | Ellipsoid | Sheet | Mesh | Hull
 OBSTACLES: tuple[type, ...] = get_args(Obstacle)
 
 
@@ -440,3 +650,19 @@ def _lengths(name: str, value: ArrayLike) -> Floats:
     """Return (3,) lengths, m, each above 0."""
     return np.array([number(f'{name}[{k}]', length, above=0)
                      for k, length in enumerate(vector(name, value, 3))])
+
+
+def _whole(name: str, value: ArrayLike) -> Ints:
+    """Return (m, 3) indices; numbers that are not whole are refused."""
+    given = array(name, value, (None, 3))
+    if len(given) > MOST:
+        raise InvalidTask(f'{name} has {len(given)} rows: expected {MOST} triangles at most')
+    if (given != np.round(given)).any():
+        raise InvalidTask(f'{name} = {shown(given.tolist())}: expected whole numbers, indices of '
+                          'vertices')
+    return given.astype(np.int64)
+
+
+def _reach_of(vertices: Floats) -> Floats:
+    """Return (3,) how far vertices reach from the origin along each axis, m."""
+    return np.asarray(np.abs(vertices).max(axis=0), dtype=float)
