@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from os import PathLike
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -132,35 +134,102 @@ def read(path: str | PathLike[str], unit: str | None) -> Surface:
     MissingExtra
         trimesh is not there.
     """
+    if unit is not None:
+        choice('unit', unit, UNITS)
+    parts, said = load(path)
+    unit = unit or said
+    if unit is None:
+        raise InvalidTask(f'unit = None: expected the unit of the numbers in {shown(str(path))}, '
+                          f'which does not say it: one of {", ".join(map(repr, UNITS))}')
+    return mended(UNITS[unit] * np.concatenate([part.vertices for part in parts]), _joined(parts))
+
+
+class Part(NamedTuple):
+    """A part of a file of triangles, as it stands there."""
+
+    name: str  # '' if it has none
+    vertices: Floats  # (n, 3) in the unit of the file
+    faces: Ints  # (m, 3) indices of vertices
+
+
+class Loaded(NamedTuple):
+    """What a file of triangles holds."""
+
+    parts: tuple[Part, ...]  # in the frame of the file
+    unit: str | None  # of 'm', 'mm', 'cm', 'in'; None: the file does not say it
+
+
+def load(path: str | PathLike[str]) -> Loaded:
+    """Return the parts of a file: STL, OBJ, PLY, GLB or 3MF, each where it stands in the file.
+
+    Parameters
+    ----------
+    path : str or PathLike
+
+    Raises
+    ------
+    InvalidTask
+        No such file, another kind of file, one that is cut off, or no triangles in it.
+    MissingExtra
+        trimesh is not there.
+    """
     file = readable(path, _LARGEST)
     kind = file.suffix.lower()
     if kind not in KINDS_OF_FILE:
         raise InvalidTask(f'path = {shown(str(path))}: expected a file that ends with one of '
                           f'{" ".join(KINDS_OF_FILE)}')
-    if unit is not None:
-        choice('unit', unit, UNITS)
     trimesh = extra('trimesh', 'mesh', 'files of meshes')
     try:
         with file.open('rb') as stream:
-            loaded = trimesh.load(stream, file_type=kind[1:], force='scene', process=False)
-        whole = loaded.to_geometry()
-        vertices = np.array(whole.vertices, dtype=float).reshape(-1, 3)
-        faces = np.array(getattr(whole, 'faces', ())).reshape(-1, 3)  # of points there are none
-        said = loaded.units or whole.units
+            # parts of an OBJ are its objects: what has two materials is one body
+            loaded = trimesh.load(stream, file_type=kind[1:], force='scene', process=False,
+                                  **(_OF_OBJ if kind == '.obj' else {}))
+        parts = tuple(_placed(node, matrix, loaded.geometry[geometry])
+                      for node in loaded.graph.nodes_geometry
+                      for matrix, geometry in [loaded.graph[node]])
+        said = loaded.units
     except ImportError as error:
         raise InvalidTask(f'path = {shown(str(path))}: expected what is installed to read it, '
                           f'{error}; pip install \'dlo_planner[mesh]\'') from None
     except Exception as error:  # whatever a reader raises on what is no such file
         raise InvalidTask(f'path = {shown(str(path))}: expected triangles of a {kind} file, '
                           f'{type(error).__name__}: {shown(str(error))}') from None
-    unit = unit or _NAMED_UNITS.get(str(said).lower())
-    if unit is None:
-        raise InvalidTask(f'unit = None: expected the unit of the numbers in {shown(str(path))}, '
-                          f'which does not say it: one of {", ".join(map(repr, UNITS))}')
-    if not 0 < len(faces) <= MOST or not np.isfinite(vertices).all():
+    parts = tuple(part for part in parts if len(part.faces))
+    count = sum(len(part.faces) for part in parts)
+    if not 0 < count <= MOST or not all(np.isfinite(part.vertices).all() for part in parts):
         raise InvalidTask(f'path = {shown(str(path))}: expected 1 to {MOST} triangles with finite '
-                          f'places, it has {len(faces)}')
-    return mended(vertices * UNITS[unit], faces.astype(np.int64))
+                          f'places, it has {count}{_cut_off(file)}')
+    return Loaded(parts, _NAMED_UNITS.get(str(said).lower()))
+
+
+_OF_OBJ = {'split_objects': True, 'group_material': False, 'skip_materials': True}
+_STL_HEAD, _STL_TRIANGLE = 84, 50  # bytes of a binary STL: the last four of the head say how many
+
+
+def _placed(name: str, matrix: Floats, geometry: Any) -> Part:
+    """Return a part of a scene of trimesh where its node puts it."""
+    vertices = np.array(geometry.vertices, dtype=float).reshape(-1, 3)
+    faces = np.array(getattr(geometry, 'faces', ()), dtype=np.int64).reshape(-1, 3)  # points: none
+    unnamed = name.startswith('geometry_')  # trimesh's own
+    return Part('' if unnamed else name, vertices @ matrix[:3, :3].T + matrix[:3, 3],
+                faces if np.linalg.det(matrix[:3, :3]) > 0 else faces[:, ::-1])
+
+
+def _joined(parts: Sequence[Part]) -> Ints:
+    """Return (m, 3) indices into the vertices of all parts behind each other."""
+    first = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    return np.concatenate([part.faces + k for part, k in zip(parts, first[:-1], strict=True)])
+
+
+def _cut_off(file: Path) -> str:
+    """Return in words by how much a binary STL is shorter than its head says, '' if it is not."""
+    with file.open('rb') as stream:
+        head = stream.read(_STL_HEAD)
+    if file.suffix.lower() != '.stl' or len(head) < _STL_HEAD or head.startswith(b'solid'):
+        return ''
+    count = int.from_bytes(head[-4:], 'little')
+    size, whole = file.stat().st_size, _STL_HEAD + _STL_TRIANGLE * count
+    return f': its head says {count}, which take {whole} bytes, it has {size}' * (size != whole)
 
 
 def _areas(vertices: Floats, faces: Ints) -> Floats:
