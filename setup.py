@@ -100,6 +100,7 @@ setup(
         'figures': ['matplotlib>=3.6'],
         'arm': ['pin>=3'],
         'view': ['viser>=1.1'],
+        'scene': ['mujoco>=3.13', 'trimesh>=4', 'lxml', 'networkx'],
         'mesh': ['trimesh>=4', 'lxml', 'networkx'],
         'cluster': ['distributed>=2024.1'],
         'peers': ['mujoco', 'pyelastica', 'cosseratbench', 'matplotlib'],

@@ -38,6 +38,7 @@ _COMMANDS = {  # imported when they are called, so that --help is quick
     'replay': 'Prove a saved plan, at rest and in motion.',
     'identify': 'Find out what a DLO is like from points of it.',
     'map': 'Which cut-outs of a cell can be threaded.',
+    'scene': 'What stands in a cell, from the file of it.',
     'doctor': 'Check the installation, and say what to do.'}
 
 

@@ -91,13 +91,15 @@ _LONGEST_NAME = 256  # characters, so that a refusal can be read
 class Named(Value):
     """Base of obstacles: how one is called in answers and refusals.
 
+    Two obstacles that fill the same place are equal, whatever they are called.
+
     Attributes
     ----------
     name : str
         A line of text; '' if it has no name, and is called by its class and its index.
     """
 
-    name: str = field(default='', kw_only=True)
+    name: str = field(default='', kw_only=True, compare=False)
 
     def __post_init__(self) -> None:
         _judge_name(f'{type(self).__name__}.name', self.name)

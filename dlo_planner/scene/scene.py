@@ -60,7 +60,7 @@ class Scene(Value):
         else was given.
     notes : tuple of str
         What has to be known of how a file was read: a unit that was assumed, what does not count.
-        Scenes are equal without it.
+        Scenes are equal without it, and whatever their obstacles are called.
 
     Raises
     ------

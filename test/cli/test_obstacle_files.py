@@ -5,7 +5,7 @@
 import pytest
 
 from dlo_planner import Box, Capsule, CutOut, Cylinder, InvalidTask, Plane, Pose, Sheet, Sphere
-from dlo_planner.cli.io import read_obstacles
+from dlo_planner.scene import Scene
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 TEXT = """
@@ -25,7 +25,7 @@ KNOWN = (Plane((0, 0, 0.2), (0, 0, 1), 0.3), Sphere((1, 0, 0), 0.1),
 def read(tmp_path, text):
     path = tmp_path / 'scene.yaml'
     path.write_text(text)
-    return read_obstacles(path)
+    return Scene.read(path).obstacles
 
 
 def test_each_kind_is_read(tmp_path):
@@ -37,7 +37,7 @@ def test_each_kind_is_read(tmp_path):
     ('- sphere: {center: [0, 0, 0], radius: 1, radios: 2}', 'sphere.radios: expected one of'),
     ('- cylinder: {start: [0, 0, 0], end: [0, 0, 0], radius: 1}', 'Cylinder.end'),
     ('- sheet: {}', 'sheet: expected pose, width'),
-    ('- [sphere]', 'expected one of plane, sphere, .*, with its values'),
+    ('- [sphere]', 'expected one of file, plane, sphere, .*, with its values'),
     ('- cone: {}', 'expected one of')])
 def test_what_is_wrong_is_named(tmp_path, text, said):
     with pytest.raises(InvalidTask, match=said):
