@@ -149,7 +149,7 @@ def scene(files: tuple[Path, ...], joints: tuple[str, ...], scene_at: Pose | Non
       dlo-planner scene gripper.urdf --joint finger_joint=0.02 -o gripper.scene
     """
     checked(outputs, (*SCENES, '.yaml'))
-    found = read_scene(files, scene_unit, scene_at, joints_of(joints), friction)
+    found = read_scene(files, scene_unit, scene_at, joints_of(joints), friction, counted=False)
     click.echo(replace(found, notes=()).summary())
     for path in outputs:
         found.write(path)
@@ -175,10 +175,11 @@ def planning(command: Any) -> Any:
 
 @click.command('thread')
 @described
-@click.option('--hole', 'holes', **POSE, multiple=True, required=True,
+@click.option('--hole', 'holes', multiple=True, required=True, metavar='X,Y,Z[,...]|NAME',
               help='Pose of a cut-out: its center and the direction in which the free end goes '
-              'through. May be repeated: passed one after the other.')
-@click.option('--radius', type=float, help='Of the holes, m, for clearances.')
+              'through; or its name in the scene, as "dlo-planner scene" lists it, NAME:back from '
+              'behind. May be repeated: passed one after the other.')
+@click.option('--radius', type=float, help='Of the holes that are poses, m, for clearances.')
 @click.option('--max-misalignment', type=float, help='Largest angle against the normal at which '
               'the DLO passes, rad; 0: along the normal. Of one hole, with a radius. Default: the '
               'parameter threading.max_misalignment.')
@@ -189,7 +190,7 @@ def planning(command: Any) -> Any:
               'beginning: what is in front of it is threaded. Default: the parameter '
               'rod.grasped_at.')
 @planning
-def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None,
+def thread(dlo: Described, holes: tuple[str, ...], radius: float | None,
            max_misalignment: float | None, margin: float | None, hold_at: float | None,
            start: Pose | None, deadline: float | None, **options: Any) -> None:
     """Plan the gripper poses that thread the free end through cut-outs.
@@ -206,6 +207,7 @@ def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None,
       dlo-planner thread rubber_hose --hole 0,0,1 --start -0.8,0,1 -p threading.standoff=-1 \\
           --prove
       dlo-planner thread rubber_hose --hole 0,0,1 --hold-at 0.4
+      dlo-planner thread rubber_hose --scene panel.stl --hole panel/0 --prove
 
     Exit code 3: there is no such plan (the reason is said, with the waypoint, the constraint and
     the amount), or with --prove it is not safe.
@@ -229,8 +231,25 @@ def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None,
             raise InvalidTask('--margin: expected --radius with it, the size of the holes')
     dlo = dlo._replace(values={**dlo.values, **{
         name: value for name, value in given.items() if value is not None}})
-    cutouts = [CutOut(pose, radius=radius) for pose in holes]
+    dlo, cutouts = _holes(dlo, holes, radius)
     _finish(dlo, _planned(dlo, threading_of(cutouts), start, deadline), **options)
+
+
+def _holes(dlo: Described, holes: Iterable[str],
+           radius: float | None) -> tuple[Described, list[CutOut]]:
+    """Return the cut-outs that are meant, and the cell in which they lead the way they are to."""
+    scene, cutouts = dlo.scene, []
+    for text in holes:
+        name, back, _ = text.partition(':back')
+        if name not in scene.cutout_names and ',' in text:
+            cutouts.append(CutOut(POSE['type'](text), radius=radius))
+            continue
+        if back:
+            scene = scene.turned(name)
+        cutouts.append(scene.cutout(name))
+    if scene is not dlo.scene:
+        dlo = dlo._replace(scene=scene, direct=dlo.direct.with_obstacles(scene.obstacles))
+    return dlo, cutouts
 
 
 @click.command('plan')
@@ -460,7 +479,7 @@ def identify(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pos
     another unit or frame. Parameters (-o x.yaml) are not written then.
     """
     checked(outputs, ('.yaml', '.csv'))
-    values, direct = dlo
+    values, direct = dlo.values, dlo.direct
     refuse_grasped(values, 'identify')
     observed = read_observations(observations, grippers, unit)
     with Bar('searches') as bar:
@@ -538,7 +557,7 @@ def map_cutouts(dlo: Described, outputs: tuple[Path, ...], jobs: int, axis: str,
     Exit code 3: none of them can be threaded.
     """
     checked(outputs, _MAP_ENDINGS)
-    values, direct = dlo
+    values, direct = dlo.values, dlo.direct
     refuse_grasped(values, 'map')
     places = np.stack(np.meshgrid(ranges['x'], ranges['y'], ranges['z'], indexing='ij'), axis=-1)
     grid = CellGrid(places.reshape(-1, 3), ranges['directions'], ranges['radii'])

@@ -107,6 +107,7 @@ class Described(NamedTuple):
 
     values: dict[str, Any]  # Values of all parameters
     direct: DirectSimulator  # of the DLO held at its beginning
+    scene: Scene  # what is around it
 
     @property
     def held(self) -> Simulator:
@@ -124,7 +125,7 @@ def read_described(values: dict[str, Any], warnings: list[str], scene: Scene) ->
     direct = direct_of(values, scene.obstacles)
     for warning in warnings + doubts(direct.rod, direct.gravity):
         click.echo(f'warning: {warning}', err=True)
-    return Described(values, direct)
+    return Described(values, direct, scene)
 
 
 class Bar:
@@ -172,23 +173,19 @@ def read_poses(path: Path) -> list[Pose]:
 
 
 def read_scene(paths: Iterable[Path], unit: str | None = None, pose: Pose | None = None,
-               joints: Mapping[str, Any] | None = None, friction: float = 0.0) -> Scene:
-    """Return the Scene of files, and say what was read and how."""
+               joints: Mapping[str, Any] | None = None, friction: float = 0.0, *,
+               counted: bool = True) -> Scene:
+    """Return the Scene of files; say how much was read (`counted`) and how."""
     scene = Scene()
     for path in paths:
         part = Scene.read(path, unit, pose=Pose.identity() if pose is None else pose,
                           friction=friction, joints=joints)
-        click.echo(f'{path}: {count(len(part.obstacles), "obstacle")}, '
-                   f'{count(len(part.cutouts), "cut-out")}', err=True)
+        if counted:
+            click.echo(f'{path}: {part.counts}', err=True)
         for note in part.notes:
             click.echo(f'note: {note}', err=True)
         scene = scene.joined(part)
     return scene
-
-
-def count(number: int, what: str) -> str:
-    """Return a number of things in words."""
-    return f'{number} {what}{"" if number == 1 else "s"}'
 
 
 def joints_of(given: Iterable[str]) -> dict[str, float]:

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -180,10 +182,9 @@ def load(path: str | PathLike[str]) -> Loaded:
                           f'{" ".join(KINDS_OF_FILE)}')
     trimesh = extra('trimesh', 'mesh', 'files of meshes')
     try:
-        with file.open('rb') as stream:
-            # parts of an OBJ are its objects: what has two materials is one body
-            loaded = trimesh.load(stream, file_type=kind[1:], force='scene', process=False,
-                                  **(_OF_OBJ if kind == '.obj' else {}))
+        # parts of an OBJ are its objects: what has two materials is one body
+        loaded = trimesh.load(BytesIO(file.read_bytes()), file_type=kind[1:], force='scene',
+                              process=False, **(_OF_OBJ if kind == '.obj' else {}))
         parts = tuple(_placed(node, matrix, loaded.geometry[geometry])
                       for node in loaded.graph.nodes_geometry
                       for matrix, geometry in [loaded.graph[node]])
@@ -196,12 +197,16 @@ def load(path: str | PathLike[str]) -> Loaded:
                           f'{type(error).__name__}: {shown(str(error))}') from None
     parts = tuple(part for part in parts if len(part.faces))
     count = sum(len(part.faces) for part in parts)
-    if not 0 < count <= MOST or not all(np.isfinite(part.vertices).all() for part in parts):
-        raise InvalidTask(f'path = {shown(str(path))}: expected 1 to {MOST} triangles with finite '
-                          f'places, it has {count}{_cut_off(file)}')
+    if not count:
+        raise InvalidTask(f'path = {shown(str(path))}: expected triangles, it has none'
+                          f'{_cut_off(file)}')
+    if count > MOST or not all(np.isfinite(part.vertices).all() for part in parts):
+        raise InvalidTask(f'path = {shown(str(path))}: expected at most {MOST} triangles with '
+                          f'finite places, it has {count}')
     return Loaded(parts, _NAMED_UNITS.get(str(said).lower()))
 
 
+_UNNAMED = re.compile(r'geometry(_\d+)?')  # how trimesh calls what has no name
 _OF_OBJ = {'split_objects': True, 'group_material': False, 'skip_materials': True}
 _STL_HEAD, _STL_TRIANGLE = 84, 50  # bytes of a binary STL: the last four of the head say how many
 
@@ -210,8 +215,8 @@ def _placed(name: str, matrix: Floats, geometry: Any) -> Part:
     """Return a part of a scene of trimesh where its node puts it."""
     vertices = np.array(geometry.vertices, dtype=float).reshape(-1, 3)
     faces = np.array(getattr(geometry, 'faces', ()), dtype=np.int64).reshape(-1, 3)  # points: none
-    unnamed = name.startswith('geometry_')  # trimesh's own
-    return Part('' if unnamed else name, vertices @ matrix[:3, :3].T + matrix[:3, 3],
+    vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+    return Part('' if _UNNAMED.fullmatch(name) else name, vertices,
                 faces if np.linalg.det(matrix[:3, :3]) > 0 else faces[:, ::-1])
 
 
@@ -229,7 +234,8 @@ def _cut_off(file: Path) -> str:
         return ''
     count = int.from_bytes(head[-4:], 'little')
     size, whole = file.stat().st_size, _STL_HEAD + _STL_TRIANGLE * count
-    return f': its head says {count}, which take {whole} bytes, it has {size}' * (size != whole)
+    return '' if size == whole else (f': it is cut off, its head says {count} triangles, which '
+                                     f'are {whole} bytes, and it has {size}')
 
 
 def _areas(vertices: Floats, faces: Ints) -> Floats:

@@ -120,8 +120,7 @@ class SceneMonitor(Part):
         """Say in the log what the file of the cell was read as."""
         path, standing = scene['scene.file'], scene.standing
         if path:
-            self.node.get_logger().info(
-                f'{path}: {len(standing.obstacles)} obstacles, {len(standing.cutouts)} cut-outs')
+            self.node.get_logger().info(f'{path}: {standing.counts}')
         for note in standing.notes:
             self.node.get_logger().info(brief_text(f'{path}: {note}'))
 

@@ -60,6 +60,11 @@ class Content:
                        [moved_cutout(one, scale=factor) for one in self.cutouts], self.notes)
 
 
+def counted(number: int, what: str) -> str:
+    """Return a number of things in words."""
+    return f'{number} {what}{"" if number == 1 else "s"}'
+
+
 def solid_of(name: str, vertices: Floats, faces: Ints, friction: float) -> Box | Sheet | Mesh:
     """Return the obstacle that triangles are: a Box or a Sheet with holes, or else a Mesh.
 
@@ -84,7 +89,7 @@ def solid_of(name: str, vertices: Floats, faces: Ints, friction: float) -> Box |
         mesh = Mesh(*whole, friction=friction, smooth=_planes(whole.vertices, whole.faces) > _FEW,
                     name=name)
     except InvalidTask as error:
-        raise InvalidTask(f'{name}: {error}') from None
+        raise InvalidTask(f'{name!r}: {error}' if name else str(error)) from None
     found = recognized(mesh.surface)
     return mesh if found is None else replace(found, friction=friction, name=name)
 

@@ -38,7 +38,7 @@ from dlo_planner.model.obstacles import (
 )
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.triangles import hull
-from dlo_planner.scene.content import Asked, Content, moved, pierced, solid_of
+from dlo_planner.scene.content import Asked, Content, counted, moved, pierced, solid_of
 from dlo_planner.scene.plates import pieces_of
 
 _LARGEST = 2**28  # bytes of a file
@@ -91,7 +91,7 @@ def read(path: Path, asked: Asked) -> Content:
         raise InvalidTask(f'{path}: expected rigid geoms, it has {model.nflex} of what bends '
                           '(flex)')
     if model.nskin:
-        content.notes.append(f'{model.nskin} skins are not read: they do not collide')
+        content.notes.append(f'not read: {counted(model.nskin, "skin")}, it is for show')
     data = mujoco.MjData(model)
     _stand(path, model, data, asked.joints)
     mujoco.mj_kinematics(model, data)
@@ -103,16 +103,8 @@ def read(path: Path, asked: Asked) -> Content:
 
 
 def _text(path: Path) -> str:
-    """Return the text of an XML file, in the encoding that its first line states, or UTF-8."""
-    head = readable(path, _LARGEST).open('rb').read(200)
-    stated = re.match(rb'<\?xml[^>]*encoding=["\']([\w.-]+)["\'][^>]*\?>', head)
-    if stated is None or stated[1].lower() in (b'utf-8', b'utf8'):
-        return re.sub(r'^\s*<\?xml.*?\?>', '', text_of(path, _LARGEST), flags=re.DOTALL)
-    try:
-        return path.read_bytes()[stated.end():].decode(stated[1].decode())
-    except (LookupError, UnicodeDecodeError) as error:
-        raise InvalidTask(f'{path}, line 1: expected text in the encoding it states, {error}'
-                          ) from None
+    """Return the text of an XML file in UTF-8, without the line that states so."""
+    return re.sub(r'^\s*<\?xml.*?\?>', '', text_of(path, _LARGEST), flags=re.DOTALL)
 
 
 def _without_textures(spec: Any, content: Content) -> None:
@@ -123,7 +115,7 @@ def _without_textures(spec: Any, content: Content) -> None:
     for one in (*spec.materials, *spec.textures):
         spec.delete(one)
     if count:
-        content.notes.append(f'{count} textures are not read')
+        content.notes.append(f'not read: {counted(count, "texture")}')
 
 
 # ---- URDF ------------------------------------------------------------------------------------
@@ -141,7 +133,7 @@ def _collisions(path: Path, root: ElementTree.Element,
         raise InvalidTask(f'{path}: expected <collision> in a <link>, it has none'
                           f'{f", and {seen} <visual>, which do not collide" if seen else ""}')
     if seen:
-        content.notes.append(f'{seen} visuals are not read: collisions alone are obstacles')
+        content.notes.append(f'not read: {counted(seen, "visual")}, collisions alone are obstacles')
     assets: dict[str, bytes] = {}
     for mesh in root.iter('mesh'):
         named = mesh.get('filename', '')
@@ -182,15 +174,17 @@ def _stand(path: Path, model: Any, data: Any, joints: Mapping[str, Any]) -> None
              for k in range(model.njnt)]
     for name in joints:
         if name not in names:
-            raise InvalidTask(f'joints = {shown(name)}: expected '
-                              f'{"joints of " + ", ".join(map(repr, names)) if names else "none"}, '
-                              f'which {path} has{did_you_mean(name, names)}')
+            known = f'one of {", ".join(map(repr, names))}' if names else 'none'
+            raise InvalidTask(f'joints: {shown(name)}: expected {known}, which {path} has'
+                              f'{did_you_mean(name, names)}')
     left = [k for k, name in enumerate(names) if name not in joints]
     if left:
         listed = ', '.join(_told(model, k, names[k]) for k in left)
-        raise InvalidTask(f'{path}: expected what stands still, or where its joints stand; nobody '
-                          f'says that of {listed}: joints={{name: value}}, on the terminal '
-                          f'--joint {names[left[0]].replace(" ", "_")}=0')
+        raise InvalidTask(
+            f'{path}: expected what stands still, but nobody says where '
+            f'{counted(len(left), "joint")} of it {"stands" if len(left) == 1 else "stand"}: '
+            f'{listed}. Say it by joints={{{names[left[0]]!r}: 0.0}}, on the terminal '
+            f'--joint "{names[left[0]]}=0"')
     for k, name in enumerate(names):
         first, width = model.jnt_qposadr[k], _WIDTHS[_JOINTS[model.jnt_type[k]]]
         data.qpos[first:first + width] = row(f'joints[{name!r}]', joints[name], least=width,
@@ -265,8 +259,8 @@ class _Geoms:
         """Put what is there into the content."""
         hidden = self._model.ngeom - len(self._solid)
         if hidden:
-            self._content.notes.append(f'{hidden} geoms are not read: they do not collide (contype '
-                                       'and conaffinity 0)')
+            self._content.notes.append('not read: what collides with nothing (contype and '
+                                       f'conaffinity 0), {counted(hidden, "geom")}')
         if not len(self._solid):
             raise InvalidTask(f'{self._path}: expected geoms that collide, it has none')
         holes = self._holes()

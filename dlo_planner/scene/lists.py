@@ -42,7 +42,6 @@ def read(path: Path, asked: Asked, other: Reader) -> Content:
     if not isinstance(found, list):
         raise InvalidTask(f'{path}: expected a list of obstacles, as "- sphere: {{center: [0, 0, '
                           '1], radius: 0.1}"')
-    own = Content()
     for k, one in enumerate(found):
         name = f'{path}[{k}]'
         if isinstance(one, dict) and list(one) == ['file']:
@@ -51,9 +50,9 @@ def read(path: Path, asked: Asked, other: Reader) -> Content:
             content.cutouts += part.cutouts
             content.notes += part.notes
         else:
-            own.obstacles.append(_obstacle(name, one, asked.friction))
-    # what is written here is in the unit that was asked for; files know their own
-    content.obstacles += own.scaled(asked.unit).obstacles
+            # what is written here is in the unit that was asked for; files know their own
+            content.obstacles.append(moved(_obstacle(name, one, asked.friction),
+                                           scale=UNITS[asked.unit or 'm']))
     return content
 
 

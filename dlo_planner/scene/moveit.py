@@ -92,7 +92,14 @@ def _read_object(words: _Words, name: str, with_poses: bool, friction: float,
         for _ in range(words.count('the number of subframes', _MOST_SHAPES)):
             label = words.word('the name of a subframe')
             said.take(label, pose.compose(words.pose()), words)
-    content.cutouts += said.cutouts
+    try:
+        _add(name, pose, shapes, said, content)
+    except InvalidTask as error:  # which knows what is wrong, not where it stands
+        raise words.fault(str(error)) from None
+
+
+def _add(name: str, pose: Pose, shapes: Sequence[_Shape], said: _Said, content: Content) -> None:
+    """Put an object into the content."""
     if said.whole is not None:  # one that `text_of_scene` wrote: its shapes are pieces of it
         content.obstacles.append(said.obstacle(name, pose))
         return
@@ -103,8 +110,10 @@ def _read_object(words: _Words, name: str, with_poses: bool, friction: float,
     if said.cutouts and len(found) == 1 and isinstance(found[0], Box):
         plate = pierced(found[0], said.cutouts)
         if plate is None:
-            raise words.fault(f'expected the cut-outs of {name!r} straight through its box')
-        found, content.cutouts = [plate], content.cutouts[:-len(said.cutouts)]
+            raise InvalidTask('expected its cut-outs straight through its box')
+        found = [plate]
+    else:
+        content.cutouts += said.cutouts
     content.obstacles += [replace(one, name=name if len(found) == 1 else f'{name}/{k}')
                           for k, one in enumerate(found)]
 
@@ -122,7 +131,7 @@ def _read_shape(words: _Words, name: str, content: Content) -> tuple[Made, Surfa
                 (faces >= 0) & (faces < len(vertices))).all():
             raise words.fault(f'expected triangles of indices from 0 to {len(vertices) - 1}')
         triangles = Surface(vertices, faces.astype(np.int64))
-        return _solid(triangles, name), triangles
+        return _solid(triangles), triangles
     sizes = words.numbers(f'{" ".join(_NUMBERS[kind])} of a {kind}', len(_NUMBERS[kind]))
     if kind != 'plane' and min(sizes) <= 0:
         raise words.fault(f'expected sizes above 0 of a {kind}, got {sizes}')
@@ -168,11 +177,11 @@ _MADE: dict[str, Callable[[Sequence[float]], Made]] = {
     'cone': _cone, 'plane': _plane}
 
 
-def _solid(triangles: Surface, within: str) -> Made:
-    """Return what makes the obstacle of triangles; `within`: their object, for what is wrong."""
+def _solid(triangles: Surface) -> Made:
+    """Return what makes the obstacle of triangles."""
     def made(name: str, pose: Pose, friction: float) -> Obstacle:
         vertices = pose.position + triangles.vertices @ pose.rotation.T
-        return replace(solid_of(within, vertices, triangles.faces, friction), name=name)
+        return solid_of(name, vertices, triangles.faces, friction)
     return made
 
 

@@ -137,9 +137,9 @@ def circle_of(corners: Floats) -> Circle | None:
     away = corners - center
     if np.abs(np.linalg.norm(away, axis=1) - radius).max() > _ROUND * radius:
         return None
-    steps = np.diff(np.unwrap(np.arctan2(away[:, 1], away[:, 0]), period=tau),
-                    append=np.nan)[:-1]
-    if np.abs(steps).max() > tau / _FEWEST * (1 + _ROUND):
+    turns = np.arctan2(away[:, 1], away[:, 0])
+    steps = np.abs((np.roll(turns, -1) - turns + pi) % tau - pi)
+    if steps.max() > tau / _FEWEST * (1 + _ROUND):
         return None
     sides = np.roll(corners, -1, axis=0) - corners
     across = np.abs(sides[:, 0] * away[:, 1] - sides[:, 1] * away[:, 0])
@@ -170,7 +170,8 @@ def _directions(normals: Floats, areas: Floats) -> list[Floats]:
         same = np.linalg.norm(np.cross(normals, best), axis=1) < _ALONG
         mean = (areas[same, None] * normals[same] * np.sign(normals[same] @ best)[:, None]
                 ).sum(axis=0)
-        found.append(mean / np.linalg.norm(mean))
+        # a hole leads upwards, or along the world's axes: which side is the front nobody says
+        found.append(mean / np.linalg.norm(mean) * np.sign(mean[np.argmax(np.abs(mean))]))
         left &= ~same
     order = [float(areas[np.linalg.norm(np.cross(normals, one), axis=1) < _ALONG].sum())
              for one in found]

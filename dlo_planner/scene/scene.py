@@ -28,13 +28,16 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.files import readable, writable
 from dlo_planner.model.obstacles import OBSTACLES, Capsule, Obstacle, Sheet
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Surface
 from dlo_planner.model.triangles import KINDS_OF_FILE, UNITS
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.scene import engine, lists, moveit, triangles
-from dlo_planner.scene.content import Asked, Content, moved, moved_cutout
+from dlo_planner.scene.content import Asked, Content, counted, moved, moved_cutout
 
 _LISTS = ('.yaml', '.yml', '.json')
 _WRITTEN = ('.scene', '.xml', '.yaml')
+_ROUND = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))  # half a turn about z
+_LOOKS = 17  # places of an element at which a radius that varies is looked at
 _DEEPEST = 8  # files that name each other
 _INSTEAD = {  # endings of files of cells that nothing here reads -> what would be right
     '.xacro': 'the URDF that it makes: xacro cell.urdf.xacro > cell.urdf',
@@ -92,8 +95,13 @@ class Scene(Value):
         super().__post_init__()
 
     def __repr__(self) -> str:
-        return brief(self, f'{len(self.obstacles)} obstacles', f'{len(self.cutouts)} cut-outs',
-                     f'{len(self.notes)} notes' if self.notes else '')
+        return brief(self, self.counts)
+
+    @property
+    def counts(self) -> str:
+        """How much is in it, in words."""
+        return (f'{counted(len(self.obstacles), "obstacle")}, '
+                f'{counted(len(self.cutouts), "cut-out")}')
 
     def __getitem__(self, name: str) -> Obstacle:
         """Return the obstacle that is called so."""
@@ -103,6 +111,64 @@ class Scene(Value):
             raise InvalidTask(f'name = {shown(name)}: expected one of the {len(names)} obstacles'
                               f'{did_you_mean(name, names)}')
         return found
+
+    @property
+    def cutout_names(self) -> tuple[str, ...]:
+        """How the cut-outs are called: by their sheet, with a number if it has several."""
+        names = []
+        for one in self.obstacles:
+            count = len(one.cutouts) if isinstance(one, Sheet) else 0
+            names += [one.name] if count == 1 else [f'{one.name}/{k}' for k in range(count)]
+        return (*names, *(f'cut-out {k}' for k in range(len(names), len(self.cutouts))))
+
+    def cutout(self, name: str) -> CutOut:
+        """Return a cut-out by its name, as `Thread` takes it.
+
+        Parameters
+        ----------
+        name : str
+            One of `cutout_names`.
+
+        Returns
+        -------
+        CutOut
+
+        Raises
+        ------
+        InvalidTask
+            None is called so.
+        """
+        names = self.cutout_names
+        if name not in names:
+            known = f'one of the cut-outs {", ".join(names)}' if names else (
+                'no name of a cut-out, there is none')
+            raise InvalidTask(f'name = {shown(name)}: expected {known}{did_you_mean(name, names)}')
+        return self.cutouts[names.index(name)]
+
+    def turned(self, name: str) -> Scene:
+        """Return the scene with a cut-out turned round: a DLO goes through it from behind.
+
+        Parameters
+        ----------
+        name : str
+            One of `cutout_names`.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        InvalidTask
+            None is called so.
+        """
+        before = self.cutout(name)
+        after = replace(before, pose=before.pose.compose(_ROUND))
+        obstacles = [replace(one, cutouts=tuple(after if hole is before else hole
+                                                for hole in one.cutouts))
+                     if isinstance(one, Sheet) else one for one in self.obstacles]
+        return Scene(obstacles, [after if hole is before else hole for hole in self.cutouts],
+                     self.notes)
 
     @classmethod
     def read(cls, path: str | PathLike[str], unit: str | None = None, *,
@@ -232,19 +298,23 @@ class Scene(Value):
         if rod is None or rod.radius is None:
             raise InvalidTask(f'shape = {shown(shape)}: expected the shape of a rod with a radius; '
                               'of one from a file it is not known')
-        chords = np.linalg.norm(np.diff(shape.positions, axis=0), axis=1)
+        surface = Surface.of(rod)
+        radii = np.full(len(shape.s) - 1, surface.bound) if surface.rod is None else (
+            rod.radii(np.linspace(shape.s[:-1], shape.s[1:], _LOOKS).ravel()).reshape(
+                _LOOKS, -1).max(axis=0))
         bends = np.linalg.norm(shape.element_strains[:, 1:], axis=1)
         # an arc of length h and curvature k is k h^2 / 8 off its chord, and a little less
-        wide = rod.radius + bends * np.diff(shape.s) ** 2 / 8
-        made = [Capsule(start, end, float(radius), name=f'{name}/{k}')
-                for k, (start, end, radius, long) in enumerate(zip(
-                    shape.positions, shape.positions[1:], wide, chords, strict=True)) if long > 0]
-        return self.joined(Scene(made))
+        wide = radii + bends * np.diff(shape.s) ** 2 / 8
+        return self.joined(Scene([
+            Capsule(start, end, float(radius), name=f'{name}/{k}')
+            for k, (start, end, radius) in enumerate(zip(
+                shape.positions[:-1], shape.positions[1:], wide, strict=True))]))
 
     def summary(self) -> str:
         """Return a table as text: obstacles, cut-outs as the terminal takes them, and notes."""
         from dlo_planner.scene.table import table_of  # noqa: PLC0415  (no reader needs it)
-        return table_of(self.obstacles, self.cutouts, self.notes)
+        return table_of(self.counts, self.obstacles,
+                        dict(zip(self.cutout_names, self.cutouts, strict=True)), self.notes)
 
 
 def _read(path: Path, asked: Asked, depth: int = 0) -> Content:

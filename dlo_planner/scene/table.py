@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -22,27 +22,21 @@ from dlo_planner.model.obstacles import (
     Sheet,
     Sphere,
 )
+from dlo_planner.scene.content import counted
 
 
-def table_of(obstacles: Sequence[Obstacle], cutouts: Sequence[CutOut],
+def table_of(head: str, obstacles: Sequence[Obstacle], cutouts: Mapping[str, CutOut],
              notes: Sequence[str]) -> str:
-    """Return the text: a line for each obstacle and for each cut-out, then the notes."""
-    lines = [f'{_count(len(obstacles), "obstacle")}, {_count(len(cutouts), "cut-out")}']
+    """Return the text: a head, a line for each obstacle and for each cut-out, then the notes."""
+    lines = [head]
     rows = [('name', 'kind', 'at [m]', 'size [m]', 'friction')] if obstacles else []
     rows += [(one.name, type(one).__name__, _numbers(_place(one)), _size(one),
               f'{one.friction:.3g}') for one in obstacles]
     lines += _columns(rows)
-    for hole in cutouts:
-        size = (f'radius {hole.radius:.4g} m' if hole.radius is not None else 'no size'
-                if hole.width is None or hole.height is None else
-                f'{hole.width:.4g} x {hole.height:.4g} m')
-        at = ','.join(_number(value) for value in (*hole.center, *hole.normal))
-        lines.append(f'cut-out {at}  {size}')
+    lines += _columns([('cut-out', 'at and along', 'size [m]'), *(
+        (name, ','.join(_number(value) for value in (*hole.center, *hole.normal)), _room(hole))
+        for name, hole in cutouts.items())] if cutouts else [])
     return '\n'.join([*lines, *(f'note: {note}' for note in notes)])
-
-
-def _count(count: int, what: str) -> str:
-    return f'{count} {what}{"" if count == 1 else "s"}'
 
 
 def _columns(rows: Iterable[tuple[str, ...]]) -> list[str]:
@@ -90,10 +84,18 @@ def _size(one: Obstacle) -> str:
     if isinstance(one, Ellipsoid):
         return _by(2 * one.half_axes)
     if isinstance(one, Sheet):
-        holes = f', {_count(len(one.cutouts), "hole")}' if one.cutouts else ''
+        holes = f', {counted(len(one.cutouts), "hole")}' if one.cutouts else ''
         return _by((one.thickness, one.width, one.height)) + holes
     extent = np.ptp(one.surface.vertices, axis=0)
     return f'{_by(extent)}, {len(one.surface.faces)} triangles'
+
+
+def _room(hole: CutOut) -> str:
+    if hole.radius is not None:
+        return f'radius {_number(hole.radius)}'
+    if hole.width is None or hole.height is None:
+        return 'not known'
+    return _by((hole.width, hole.height))
 
 
 def _by(sizes: Iterable[float]) -> str:

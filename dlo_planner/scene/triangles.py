@@ -28,7 +28,8 @@ def read(path: Path, asked: Asked) -> Content:
     parts, said = load(path)
     unit = asked.unit or said or _RULE
     if asked.unit is None and said is None:
-        content.notes.append(f'{path.name} states no unit: {_RULE} are assumed, unit= says another')
+        content.notes.append(f'{path.name} states no unit: {_RULE} are assumed; unit=, on the '
+                             'terminal --scene-unit, says another')
     elif said is not None and asked.unit not in (None, said):
         content.notes.append(f'{path.name} says {said}, read in {asked.unit} as was asked for')
     vertices = UNITS[unit] * np.concatenate([part.vertices for part in parts])
