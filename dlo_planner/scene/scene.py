@@ -105,6 +105,7 @@ class Scene(Value):
 
     def __getitem__(self, name: str) -> Obstacle:
         """Return the obstacle that is called so."""
+        instance('name', name, str)
         found = next((one for one in self.obstacles if one.name == name), None)
         if found is None:
             names = [one.name for one in self.obstacles]
@@ -138,6 +139,7 @@ class Scene(Value):
         InvalidTask
             None is called so.
         """
+        instance('name', name, str)
         names = self.cutout_names
         if name not in names:
             known = f'one of the cut-outs {", ".join(names)}' if names else (
@@ -212,7 +214,7 @@ class Scene(Value):
         if unit is not None:
             choice('unit', unit, UNITS)
         asked = Asked(unit, number('friction', friction, minimum=0),
-                      instance('joints', joints or {}, Mapping))
+                      instance('joints', joints, Mapping, optional=True) or {})
         content = _read(readable(path), asked)
         obstacles, renamed = _with_own_names(content.obstacles)
         if pose != Pose.identity():
