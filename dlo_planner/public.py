@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The names of the package itself; `import dlo_planner` loads them when one is asked for.
 
-The rest is in `dlo_planner.tasks`, `.penalties`, `.rods`, `.results`, `.identify`, `.closed_loop`,
-`.parallel`, `.arm` and `.view`.
+The rest is in `dlo_planner.tasks`, `.penalties`, `.rods`, `.scene`, `.results`, `.identify`,
+`.closed_loop`, `.parallel`, `.arm` and `.view`.
 """
 
 from dlo_planner.direct.shape import Shape
