@@ -76,7 +76,8 @@ def _part(scene: Scene, bodies: Ints, number: Ints) -> Scene:
         'hole_center', scene.hole_center[holes], 'hole_axis', scene.hole_axis[holes],
         'hole_size', scene.hole_size[holes], 'feature', scene.feature[bodies],
         'offset', scene.offset[bodies], 'rounding', scene.rounding[bodies],
-        'span', scene.span[bodies], 'inner', scene.inner[bodies])
+        'span', scene.span[bodies], 'inner', scene.inner[bodies], 'root', scene.root[bodies],
+        'smooth', scene.smooth[bodies])
 
 
 @kernel

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.energy.scene import SHEET, Scene, build_scene, signed_distance
+from dlo_planner.energy.scene import Scene, build_scene, is_convex, signed_distance
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
@@ -91,8 +91,8 @@ class Workspace(Value):
                        for k, axis in enumerate('xyz') if np.isfinite(corner[k])]
         scene = self._scene
         limits += [(f'workspace.keep_out[{self.keep_out[source].name or source}]',
-                    _body(scene, o), kind == SHEET)
-                   for o, (source, kind) in enumerate(zip(scene.source, scene.kind, strict=True))]
+                    _body(scene, o), not is_convex(scene, o))
+                   for o, source in enumerate(scene.source)]
         return limits
 
     def min_margin(self, gripper: Pose) -> tuple[str, float]:
