@@ -133,7 +133,8 @@ def shape(dlo: Described, grippers: tuple[Pose, ...], file: Path | None, far_end
 @SCENE_OPTIONS[2]
 @click.option('--friction', type=float, default=0.0, show_default=True,
               help='Of obstacles that state none.')
-@written('.scene MoveIt, .xml MJCF, .yaml obstacles by their fields, for --scene and scene.file')
+@written('.png .svg .pdf the picture, .scene MoveIt, .xml MJCF, .yaml obstacles by their fields, '
+         'for --scene and scene.file')
 def scene(files: tuple[Path, ...], joints: tuple[str, ...], scene_at: Pose | None,
           scene_unit: str | None, friction: float, outputs: tuple[Path, ...]) -> None:
     """Read files of a cell, and list what stands in it: obstacles and cut-outs, in m.
@@ -144,15 +145,18 @@ def scene(files: tuple[Path, ...], joints: tuple[str, ...], scene_at: Pose | Non
 
     \b
     Examples:
-      dlo-planner scene cell.scene
+      dlo-planner scene cell.scene -o cell.png
       dlo-planner scene fixture.stl --scene-unit mm --scene-at 0.4,0,1 -o fixture.yaml
       dlo-planner scene gripper.urdf --joint finger_joint=0.02 -o gripper.scene
     """
-    checked(outputs, (*SCENES, '.yaml'))
+    checked(outputs, (*PICTURES, *SCENES, '.yaml'))
     found = read_scene(files, scene_unit, scene_at, joints_of(joints), friction, counted=False)
     click.echo(replace(found, notes=()).summary())
     for path in outputs:
-        found.write(path)
+        if path.suffix.lower() in PICTURES:
+            found.plot().savefig(path, dpi=_DPI)
+        else:
+            found.write(path)
         click.echo(f'wrote {path}')
 
 

@@ -49,6 +49,11 @@ _INSTEAD = {  # endings of files of cells that nothing here reads -> what would 
     '.srdf': 'the URDF beside it'}
 
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene(Value):
     """What stands in a cell: obstacles with names, and the holes in them.
@@ -311,6 +316,27 @@ class Scene(Value):
             Capsule(start, end, float(radius), name=f'{name}/{k}')
             for k, (start, end, radius) in enumerate(zip(
                 shape.positions[:-1], shape.positions[1:], wide, strict=True))]))
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Return a picture of obstacles and cut-outs in space.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Axes of matplotlib to draw in, with `projection='3d'`. If None, a new figure is made.
+
+        Returns
+        -------
+        Figure
+            Figure of matplotlib.
+
+        Raises
+        ------
+        MissingExtra
+            Matplotlib is not there (extra `figures`).
+        """
+        from dlo_planner.scene.picture import plot  # noqa: PLC0415  (a planner draws nothing)
+        return plot(self.obstacles, self.cutouts, ax)
 
     def summary(self) -> str:
         """Return a table as text: obstacles, cut-outs as the terminal takes them, and notes."""
