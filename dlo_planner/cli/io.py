@@ -5,7 +5,7 @@
 import csv
 import json
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -21,9 +21,9 @@ from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.extras import extra
 from dlo_planner.inverse.plain_tasks import FieldKind, from_plain
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import did_you_mean, shown, vector
+from dlo_planner.model.checks import did_you_mean, known_keys, shown, vector
 from dlo_planner.model.files import writable
-from dlo_planner.model.obstacles import OBSTACLES, Obstacle
+from dlo_planner.model.obstacles import OBSTACLES, Mesh, Obstacle
 from dlo_planner.model.plain_poses import pose_of, pose_of_numbers
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import doubts
@@ -172,10 +172,24 @@ def _obstacle(name: str, content: object) -> Obstacle:
         raise InvalidTask(f'{name} = {shown(content)}: expected one of {", ".join(_KINDS)}, with '
                           f'its values{did_you_mean(kind, _KINDS)}')
     cls = _KINDS[kind]
+    if cls is Mesh and 'path' in given:
+        return _mesh_of(f'{name}.{kind}', given)
     if given.get('type', cls.__name__) != cls.__name__:
         raise InvalidTask(f'{name}.{kind}.type = {shown(given["type"])}: expected none, its name '
                           'says it')
     return cast(Obstacle, from_plain(f'{name}.{kind}', given, expected=FieldKind(cls, False)))
+
+
+def _mesh_of(name: str, given: Mapping[str, Any]) -> Mesh:
+    """Return the Mesh of a file of triangles: {path, unit, pose, friction, smooth}."""
+    known_keys(name, given, ('path', 'unit', 'pose', 'friction', 'smooth'))
+    more = dict(given)
+    if 'pose' in more:
+        more['pose'] = pose_of(f'{name}.pose', more['pose'])
+    try:
+        return Mesh.read(**more)
+    except InvalidTask as error:
+        raise InvalidTask(f'{name}: {error}') from None
 
 
 _KINDS = {one.__name__.lower(): one for one in OBSTACLES}
