@@ -34,7 +34,7 @@ from dlo_planner.energy.scene import (
     in_its_frame,
     in_plane,
 )
-from dlo_planner.geometry.bvh import line_to_surface, nearest_on_surface, signed_from_surface
+from dlo_planner.geometry.bvh import line_to_surface, nearest_on_surface
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.so3 import matrix, rotation_vector, transposed_times
 from dlo_planner.kernels import kernel
@@ -175,7 +175,6 @@ def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, 
 def _through_mesh(scene, o, farthest, lengths, strains, rotations, old, turned, new):
     """Whether an element goes through a mesh; no node's axis moves by more than `farthest`."""
     normal, hessian, offset, point = np.empty(3), np.empty((3, 3)), np.zeros(2), np.empty(3)
-    place = np.empty(3)
     before, after, bend = np.empty((4, 3)), np.empty((4, 3)), np.empty((lengths.size, 3))
     for e in range(lengths.size):
         turn = rotation_vector(transposed_times(matrix(turned[e]), matrix(turned[e + 1])))
@@ -192,10 +191,8 @@ def _through_mesh(scene, o, farthest, lengths, strains, rotations, old, turned, 
             continue
         radius = radius_at_node(scene, o, k)
         move = _move(scene, o, k, rotations, old, turned, new, before, after)
-        gap_at(scene, o, rotations[k], old[k], 0.0, offset, point, normal, hessian)
-        in_its_frame(scene, o, point, place)
-        hessian[:] = 0.0
-        away = signed_from_surface(scene.trees, scene.root[o], place, np.inf, normal, hessian)
+        # a smooth distance is never more than the exact one
+        away = gap_at(scene, o, rotations[k], old[k], 0.0, offset, point, normal, hessian)
         clear = away - farthest - np.max(lengths)
         e, near, moved = k - 1, min(away, last_away), max(move, last_move)
         thick, last_away, last_move, last_radius = max(radius, last_radius), away, move, radius

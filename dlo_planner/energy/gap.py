@@ -17,7 +17,6 @@ from dlo_planner.energy.scene import (
     SHEET,
     Scene,
     height,
-    is_convex,
     signed_distance,
 )
 from dlo_planner.geometry.kinematics import point_inside
@@ -561,6 +560,8 @@ def minima_in_element(scene, o, e, lengths, strains, rotations, positions, gaps,
         elif scene.kind[o] == MESH:
             where = _lowest_look(scene, o, e, 0.5 * part, 0.5 * (part + 1), lengths, strains,
                                  rotations, positions)
+            if part == 1 and where == 0.5:  # it falls on into the first half
+                continue
         gap, fraction = _minimum_from(scene, o, e, where, lengths, strains, rotations, positions,
                                       normal, hessian)
         if 0.0 < fraction < 1.0 and (count == 0 or fraction - fractions[0] > _APART):
@@ -672,7 +673,7 @@ def _minimum_from(scene, o, e, begin, lengths, strains, rotations, positions, no
             break  # rounding errors alone are left; to halve the bracket would lead away from here
         target = fraction + step
         if (iteration == 0 and curve > 0.0 and not 0.0 < target < 1.0
-                and is_convex(scene, o)):  # its gap may fall and rise again before the end
+                and scene.kind[o] != SHEET):  # its gap may fall and rise again before the end
             target = 0.0 if target <= 0.0 else 1.0  # look at the end itself
         elif not (low < target < high and abs(step) < 0.5 * last):
             # (where the curvature jumps, as at an obstacle's edge, Newton's steps go to and fro)

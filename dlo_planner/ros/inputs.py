@@ -153,7 +153,8 @@ def _marker_in(scene: Scene, marker: Marker, name: str, frames: Frames) -> Marke
             pose = pose_msg(origin.compose(pose_from_msg(pose)))
         marker = Marker(header=header(scene.frame_id, marker.header.stamp), ns=marker.ns,
                         id=marker.id, type=marker.type, action=marker.action, pose=pose,
-                        scale=size, points=marker.points, text=marker.text)
+                        scale=size, points=marker.points, text=marker.text,
+                        mesh_resource=marker.mesh_resource)
     at = marker.pose.position
     judge_distance([at.x, at.y, at.z], scene, f'{name}.pose', Cause.INVALID_OBSTACLES)
     if max(size.x, size.y, size.z) > 2 * scene.reach:

@@ -13,7 +13,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.plain_tasks import FieldKind, from_plain, to_plain
 from dlo_planner.model.checks import choice, did_you_mean, known_keys, number, shown
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import OBSTACLES, Obstacle
+from dlo_planner.model.obstacles import OBSTACLES, Mesh, Obstacle
 from dlo_planner.model.plain_poses import pose_of
 from dlo_planner.model.triangles import UNITS
 from dlo_planner.scene.content import Asked, Content, moved, moved_cutout
@@ -51,7 +51,7 @@ def read(path: Path, asked: Asked, other: Reader) -> Content:
             content.notes += part.notes
         else:
             # what is written here is in the unit that was asked for; files know their own
-            content.obstacles.append(moved(_obstacle(name, one, asked.friction),
+            content.obstacles.append(moved(_obstacle(name, one, asked.friction, path.parent),
                                            scale=UNITS[asked.unit or 'm']))
     return content
 
@@ -85,7 +85,7 @@ def _of_file(name: str, said: object, path: Path, asked: Asked, other: Reader) -
     return content
 
 
-def _obstacle(name: str, content: object, friction: float) -> Obstacle:
+def _obstacle(name: str, content: object, friction: float, folder: Path) -> Obstacle:
     """Return what {kind: {field: value}} says: the class in small letters, its fields."""
     kind, given = next(iter(content.items())) if (
         isinstance(content, dict) and len(content) == 1) else ('', None)
@@ -93,11 +93,29 @@ def _obstacle(name: str, content: object, friction: float) -> Obstacle:
         raise InvalidTask(f'{name} = {shown(content)}: expected one of file, {", ".join(_KINDS)}, '
                           f'with its values{did_you_mean(kind, _KINDS)}')
     cls = _KINDS[kind]
+    if cls is Mesh and 'path' in given:
+        return _mesh_of(f'{name}.{kind}', given, friction, folder)
     if given.get('type', cls.__name__) != cls.__name__:
         raise InvalidTask(f'{name}.{kind}.type = {shown(given["type"])}: expected none, its name '
                           'says it')
     return cast(Obstacle, from_plain(f'{name}.{kind}', {'friction': friction, **given},
                                      expected=FieldKind(cls, False)))
+
+
+def _mesh_of(name: str, given: Mapping[str, Any], friction: float, folder: Path) -> Mesh:
+    """Return the one Mesh that all triangles of a file are: {path, unit, pose, smooth, ...}."""
+    known_keys(name, given, ('path', 'unit', 'pose', 'friction', 'smooth', 'name'))
+    more = {'friction': friction, **given}
+    called = more.pop('name', '')
+    if not isinstance(more['path'], str):
+        raise InvalidTask(f'{name}.path = {shown(more["path"])}: expected the name of a file')
+    more['path'] = folder / more['path']
+    if 'pose' in more:
+        more['pose'] = pose_of(f'{name}.pose', more['pose'])
+    try:
+        return replace(Mesh.read(**more), name=called)
+    except InvalidTask as error:
+        raise InvalidTask(f'{name}: {error}') from None
 
 
 def text_of_list(obstacles: tuple[Obstacle, ...], cutouts: tuple[CutOut, ...]) -> str:

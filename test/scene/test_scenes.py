@@ -7,6 +7,7 @@ import pickle
 import numpy as np
 import pytest
 from cells import difference, one_of_each
+from solids import block, stl
 
 from dlo_planner import (
     Box,
@@ -107,9 +108,23 @@ def test_files_in_a_list_have_unit_place_friction_and_name(tmp_path):
     assert [one.name for one in several.obstacles] == ['left/a', 'left/1', 'a', 'sphere 3']
 
 
+def test_all_triangles_of_a_file_are_one_mesh_where_that_is_said(tmp_path):
+    pytest.importorskip('trimesh')
+    one, other = block((10, 10, 10)), block((10, 10, 10), (20, 0, 0))
+    (tmp_path / 'it.stl').write_bytes(stl(np.concatenate([one[0], other[0]]),
+                                          np.concatenate([one[1], other[1] + 8])))
+    found = read(tmp_path, '- mesh: {path: it.stl, unit: mm, pose: [0, 0, 1], name: both}',
+                 friction=0.3)
+    assert len(found['both'].faces) == 24 and found['both'].friction == 0.3
+    assert found['both'].pose.position[2] == 1
+
+
 @pytest.mark.parametrize(('text', 'said'), [
     ('- file: {unit: mm}', r'\[0\]\.file = .*: expected a path'),
     ('- file: {path: cell.yaml}', r'at most 8 files that name each other'),
+    ('- mesh: {path: 3, unit: m}', r'mesh\.path = 3: expected the name'),
+    ('- mesh: {path: no.stl, unit: m}', r'\[0\]\.mesh: path = .*no.stl'),
+    ('- mesh: {path: a.stl, units: m}', r'mesh\.units: expected one of'),
     ('- file: {path: no.scene}', "no.scene': expected a file, there is none"),
     ('- file: {path: a.scene, units: mm}', r'\[0\]\.file\.units: .* did you mean unit'),
     ('- file: {path: a.scene, unit: ft}', r"file\.unit = 'ft'"),
