@@ -23,6 +23,7 @@ from dlo_planner.model.triangles import Surface
 
 _SAME = 1e-5  # of the size: files have float32, of places that are centimeters from their origin
 _ALONG = 1e-4  # rad: normals that count as one, and edges as one line
+_UPRIGHT = 1e-3  # rad: how far a wall may lean, of which single precision knows the corners
 _FEWEST = 12  # corners of a hole that counts as round: a hexagon is none
 _ROUND = 2e-3  # of the radius: how far corners of a round hole may lie off its circle
 _MOST_CORNERS = 4096  # of a face with holes
@@ -75,7 +76,10 @@ def recognized(surface: Surface) -> Box | Sheet | None:
         size = float(np.ptp(vertices, axis=0).max())
         if not ((heights - low < _SAME * size) | (high - heights < _SAME * size)).all():
             continue
-        top = (heights[faces] > 0.5 * (low + high)).all(axis=1)
+        above = heights[faces] > 0.5 * (low + high)
+        top, walls = above.all(axis=1), above.any(axis=1) & ~above.all(axis=1)
+        if np.abs(normals[walls] @ normal).max() > _UPRIGHT:
+            continue
         frame = Pose.looking_along(0.5 * (low + high) * normal, normal)
         flat = (vertices - frame.position) @ frame.rotation[:, 1:]
         found = _plate(frame, high - low, _loops(faces[top], flat), _SAME * size)

@@ -70,6 +70,17 @@ def test_a_solid_that_is_no_plate_is_none():
     assert found(vertices, faces) is None
 
 
+def test_what_leans_or_has_a_step_is_no_block():
+    vertices, faces = block((0.1, 0.2, 0.3))
+    upper = vertices[:, 2:] > 0
+    assert isinstance(found(vertices, faces), Box)
+    assert found(np.where(upper, vertices * (0.8, 0.9, 1), vertices), faces) is None  # a frustum
+    assert found(vertices + upper * (0.02, 0, 0), faces) is None  # sheared
+    vertices, faces = plate(rectangle(0.2, 0.12), [], 0.01, step=0.04)
+    vertices[np.argmin(np.linalg.norm(vertices[:, :2], axis=1) + 9 * (vertices[:, 2] == 0)), 2] *= 2
+    assert found(vertices, faces) is None
+
+
 def test_a_circle_is_a_whole_one():
     assert circle_of(circle(0.1, 40)[:30]) is None
     assert circle_of(circle(0.1, 40)).radius == pytest.approx(0.1 * np.cos(np.pi / 40))
