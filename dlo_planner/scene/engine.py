@@ -21,7 +21,7 @@ import numpy as np
 from dlo_planner.errors import InvalidTask
 from dlo_planner.extras import extra
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.checks import did_you_mean, row, shown
+from dlo_planner.model.checks import did_you_mean, number, row, shown
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.files import readable, text_of
 from dlo_planner.model.obstacles import (
@@ -74,17 +74,19 @@ def read(path: Path, asked: Asked) -> Content:
     if root.tag not in ('mujoco', 'robot'):
         raise InvalidTask(f'{path}: expected MJCF (<mujoco>) or URDF (<robot>), got '
                           f'<{shown(root.tag)[1:-1]}>')
-    content = Content()
+    content, assets = Content(), dict[str, bytes]()
+    if root.tag == 'robot':
+        text, assets = _collisions(path, root, content)
     try:
         if root.tag == 'robot':
-            text, assets = _collisions(path, root, content)
             spec = mujoco.MjSpec.from_string(text, assets=assets)
             spec.compiler.fusestatic = False  # geoms are called by their links
         else:
             spec = mujoco.MjSpec.from_file(str(path))
             _without_textures(spec, content)
+        _with_any_mass(mujoco, spec)
         model = spec.compile()
-    except ValueError as error:
+    except (ValueError, mujoco.FatalError) as error:
         raise InvalidTask(f'{path}: MuJoCo does not read it: {" ".join(str(error).split())}'
                           ) from None
     if model.nflex:
@@ -93,7 +95,7 @@ def read(path: Path, asked: Asked) -> Content:
     if model.nskin:
         content.notes.append(f'not read: {counted(model.nskin, "skin")}, it is for show')
     data = mujoco.MjData(model)
-    _stand(path, model, data, asked.joints)
+    _stand(path, model, data, _with_mimics(root, asked.joints), _mimics(root))
     mujoco.mj_kinematics(model, data)
     said = _frictions(mujoco, text, path, model, content) if root.tag == 'mujoco' else (
         np.full(model.ngeom, np.nan))
@@ -116,6 +118,15 @@ def _without_textures(spec: Any, content: Content) -> None:
         spec.delete(one)
     if count:
         content.notes.append(f'not read: {counted(count, "texture")}')
+
+
+def _with_any_mass(mujoco: Any, spec: Any) -> None:
+    """Give bodies a mass: what stands still needs none, and MuJoCo refuses links without one."""
+    for body in spec.bodies[1:]:
+        body.explicitinertial, body.mass, body.inertia = True, 1.0, (1.0, 1.0, 1.0)
+        body.ipos, body.iquat, body.fullinertia = (0, 0, 0), (1, 0, 0, 0), np.full(6, np.nan)
+    for mesh in spec.meshes:  # one that is thin or open has no volume
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
 
 
 # ---- URDF ------------------------------------------------------------------------------------
@@ -168,8 +179,31 @@ def _resolved(path: Path, named: str) -> Path | None:
 # ---- joints ----------------------------------------------------------------------------------
 
 
-def _stand(path: Path, model: Any, data: Any, joints: Mapping[str, Any]) -> None:
-    """Set the joints of a model where they are told to stand; refuse one of which nobody says."""
+def _mimics(root: ElementTree.Element) -> dict[str, ElementTree.Element]:
+    """Return what URDF says of joints that follow another one, by their names."""
+    return {joint.get('name', ''): mimic for joint in root.iter('joint')
+            if (mimic := joint.find('mimic')) is not None}
+
+
+def _with_mimics(root: ElementTree.Element, joints: Mapping[str, Any]) -> dict[str, Any]:
+    """Return where joints stand, those that follow another one with it, unless they are given."""
+    out, left = dict(joints), _mimics(root)
+    while ready := [name for name, mimic in left.items() if mimic.get('joint') in out]:
+        for name in ready:
+            mimic = left.pop(name)
+            leader = number(f'joints[{mimic.get("joint")!r}]', out[mimic.get('joint', '')])
+            # which MuJoCo has judged to be numbers
+            factor, offset = float(mimic.get('multiplier', 1)), float(mimic.get('offset', 0))
+            out.setdefault(name, factor * leader + offset)
+    return out
+
+
+def _stand(path: Path, model: Any, data: Any, joints: Mapping[str, Any],
+           followers: Iterable[str]) -> None:
+    """Set the joints of a model where they are told to stand; refuse one of which nobody says.
+
+    `followers` follow others, of which it has to be said.
+    """
     names = [model.joint(k).name or f'joint {k} of body {_body(model, model.jnt_bodyid[k])}'
              for k in range(model.njnt)]
     for name in joints:
@@ -178,6 +212,7 @@ def _stand(path: Path, model: Any, data: Any, joints: Mapping[str, Any]) -> None
             raise InvalidTask(f'joints: {shown(name)}: expected {known}, which {path} has'
                               f'{did_you_mean(name, names)}')
     left = [k for k, name in enumerate(names) if name not in joints]
+    left = [k for k in left if names[k] not in followers] or left
     if left:
         listed = ', '.join(_told(model, k, names[k]) for k in left)
         raise InvalidTask(

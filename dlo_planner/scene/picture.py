@@ -27,12 +27,13 @@ def plot(obstacles: Sequence[Obstacle], cutouts: Sequence[CutOut], ax: Axes | No
     solid = obstacle_primitives(one for one in obstacles if not isinstance(one, Plane))
     corners = [one.corners for one in solid]
     if not corners:
-        places = [one.point for one in obstacles if isinstance(one, Plane)] or [np.zeros(3)]
-        corners = [place + sign * _AROUND for place in places for sign in (-1.0, 1.0)]
+        places = [one.point for one in obstacles if isinstance(one, Plane)] or [
+            one.center for one in cutouts] or [np.zeros(3)]
+        corners = [np.array([place - _AROUND, place + _AROUND]) for place in places]
     points = np.vstack(corners)
     length = float(np.ptp(points, axis=0).max())
     # places beside it: what is flat is seen in space all the same, for its holes
     frame = Frame.of(ax, np.vstack([points, points.mean(axis=0) + 0.1 * length * np.eye(3)]))
     holes = cutout_primitives(cutouts, _NORMAL * length)
-    Stage((), (), (), tuple(obstacles), length).set(frame, holes)
+    Stage((), (), (), tuple(obstacles), length).set(frame, holes, corners)
     return frame.figure

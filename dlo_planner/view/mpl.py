@@ -313,11 +313,15 @@ class Stage:
         return cls(shapes, cutouts, centers, tuple(own), max(float(shape.s[-1])
                                                              for shape in shapes))
 
-    def set(self, frame: Frame, more: Iterable[Primitive] = ()) -> None:
-        """Draw all that stands still, and further Primitives, and choose what is seen."""
+    def set(self, frame: Frame, more: Iterable[Primitive] = (),
+            around: Iterable[Floats] = ()) -> None:
+        """Draw all that stands still, and further Primitives, and choose what is seen.
+
+        `around`: places (n, 3), m, that the picture has to hold as well.
+        """
         drawn = self._still(frame)
         solid = [item.corners for item in (*drawn, *more) if item.kind != 'text']
-        points = np.concatenate([*self._around_shapes(), *solid])
+        points = np.concatenate([*self._around_shapes(), *solid, *around])
         low, high = box_around(points)
         draw(frame.axes, [*drawn, *self._planes(low, high), *more], frame.side)
         frame.look(azimuth(points))

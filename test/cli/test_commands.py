@@ -123,9 +123,11 @@ SHEET = '''obstacles:
 
 def test_a_scene_is_listed_and_written():
     Path('cell.yaml').write_text(SHEET)
-    result = run('scene', 'cell.yaml', '--friction', '0.3', '-o', 'cell.scene', '-o', 'cell.xml')
+    result = run('scene', 'cell.yaml', '--friction', '0.3', '-o', 'cell.scene', '-o', 'cell.xml',
+                 '-o', 'cell.png')
     assert result.exit_code == 0, result.output
     lines = result.output.splitlines()
+    assert Path('cell.png').stat().st_size > 10_000
     assert lines[0] == '2 obstacles, 1 cut-out'
     assert lines[2].split() == ['box', '0', 'Box', '9', '5', '0', '1', 'x', '1', 'x', '1', '0.3']
     assert lines[5].split() == ['panel', '0.4,0,1,1,0,0', 'radius', '0.02']
@@ -146,7 +148,7 @@ def test_a_scene_that_is_not_understood_is_bad_input():
                                '<geom size=".1"/></body></worldbody></mujoco>')
     for given, said in ((['arm.xml'], '--joint "a b=0"'),
                         (['arm.xml', '--joint', 'a b'], "--joint 'a b': expected NAME=VALUE"),
-                        (['arm.xml', '-o', 'it.stl'], 'ends with one of .scene .xml .yaml')):
+                        (['arm.xml', '-o', 'it.stl'], '.svg .pdf .scene .xml .yaml')):
         result = run('scene', *given)
         assert result.exit_code == BAD_INPUT and said in result.output, result.output
     assert run('scene', 'arm.xml', '--joint', 'a b=0.1').exit_code == 0

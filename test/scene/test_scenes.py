@@ -176,6 +176,22 @@ def test_a_dlo_without_a_radius_is_no_capsule():
         Scene().with_dlo(shape)
 
 
+@pytest.mark.parametrize('scene', [
+    Scene([obstacle for obstacle in one_of_each()]), Scene([Plane((0, 0, 0.2), (0, 0, 1))]),
+    Scene(), Scene((), [CutOut(LEVEL, radius=0.1)])], ids=['all', 'a plane', 'nothing', 'a hole'])
+def test_a_scene_is_drawn_in_space(scene):
+    pyplot = pytest.importorskip('matplotlib.pyplot')
+    pyplot.switch_backend('Agg')
+    axes = scene.plot().axes[0]
+    assert axes.name == '3d' and len(axes.collections) >= len(scene.obstacles)
+    low, high = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()]).T
+    places = [one.center for one in scene.cutouts]
+    assert all((low < place).all() and (place < high).all() for place in places)
+    own = pyplot.figure().add_subplot(projection='3d')
+    assert scene.plot(own) is own.figure
+    pyplot.close('all')
+
+
 def test_a_table_lists_what_there_is():
     lines = Scene(one_of_each(), notes=['mm are assumed']).summary().splitlines()
     assert lines[0] == '11 obstacles, 2 cut-outs' and lines[-1] == 'note: mm are assumed'
