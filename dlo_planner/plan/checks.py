@@ -34,7 +34,7 @@ ROOM = 0.25      # part of the room in a hole that a motion may lose, whatever i
 _EXCEEDED = 2.0  # what breaks a demand that has no limit counts as so many limits
 
 
-def _verbatim(text: str) -> str:
+def verbatim(text: str) -> str:
     """Return a text for `Margin.words` that stays as it is: somebody chose it."""
     return text.replace('{', '{{').replace('}', '}}')
 
@@ -147,7 +147,7 @@ class Judge:
             if any(obstacle is sheet for sheet in around):
                 continue  # that is its clearance
             yield Margin('clearance', body.exact(shape),
-                         'the DLO is {over:.3g} m in ' + _verbatim(called(obstacle, index)))
+                         'the DLO is {over:.3g} m in ' + verbatim(called(obstacle, index)))
         if self.margin is not None:
             found = least_margin(self.uncertainty, shape, [s for _, s, _ in waypoint.via_points],
                                  waypoint.clearances)
