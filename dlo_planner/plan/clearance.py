@@ -121,8 +121,9 @@ class Bodies:
 
     def called_at(self, shape: Shape) -> str:
         """Return how that is called which a Shape is deepest in, or nearest to."""
-        rooms = [(float(room.min()), sheet) for room, (sheet, _) in zip(
-            self.holes(shape), self._sheets, strict=True)]
+        rooms: list[tuple[float, Obstacle]] = [
+            (float(room.min()), sheet)
+            for room, (sheet, _) in zip(self.holes(shape), self._sheets, strict=True)]
         rooms += [(clearance([one], self._surface, shape), one) for one in self._others]
         _, nearest = min(rooms, key=lambda room: room[0])
         return nearest.name or 'the sheet or an obstacle'
