@@ -42,9 +42,17 @@ from dlo_planner.minimize.newton import (
     thorough,
     within,
 )
-from dlo_planner.minimize.reach import among_all, bodies_in_reach, points_on, with_bodies
+from dlo_planner.minimize.reach import (
+    among_all,
+    bodies_in_reach,
+    bodies_near,
+    points_on,
+    stays_within,
+    with_bodies,
+)
 from dlo_planner.model.arrays import Floats, Ints
 
+_WAYS = 2.0        # times the gripper's motion: by so much nodes of a DLO that bears mostly move
 _ONE_PLACE = 1e-7  # of the length: contacts with one body that are nearer are one
 
 
@@ -177,13 +185,28 @@ def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, 
                    multiplier, fraction, anchor, normal, shear)
     before = _seen_from(origin, places, tangents)
     bodies = bodies_in_reach(there, before)
-    some = bodies.size < there.effects.contact.scene.kind.size
-    rubbing = slid[points_on(there, bodies)]
-    goes_on, state, residual, stability, iterations, kicks, loaded, violation = predictor_corrector(
-        with_bodies(there, bodies) if some else there, turned_from.copy(), rubbing, strains.copy(),
-        origin - moved_from, COARSER * tolerance, exact, before)
+    length, turned = np.sum(there.lengths), 0.0
+    for i in range(3):
+        for j in range(3):
+            turned += (base[i, j] - turned_from[i, j]) ** 2
+    margin = np.max(there.lengths) + _WAYS * (np.sqrt(np.sum((origin - moved_from) ** 2))
+                                              + np.sqrt(0.5 * turned) * length)
+    near = bodies_near(there, before, bodies, margin)
+    if near.size == 0:
+        near = bodies
+    while True:
+        some = near.size < there.effects.contact.scene.kind.size
+        rubbing = slid[points_on(there, near)]
+        (goes_on, state, residual, stability, iterations, kicks, loaded,
+         violation) = predictor_corrector(
+            with_bodies(there, near) if some else there, turned_from.copy(), rubbing,
+            strains.copy(), origin - moved_from, COARSER * tolerance, exact, before)
+        if not goes_on or near.size == bodies.size or stays_within(margin, before,
+                                                                   state.positions):
+            break
+        near = bodies  # it may have come to one of the others
     if goes_on and some:
-        loaded = among_all(there, loaded, bodies)
+        loaded = among_all(there, loaded, near)
     if not goes_on:
         residual, loaded, state = np.inf, there, new_configuration(there)
         evaluate(there, state)
