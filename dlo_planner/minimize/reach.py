@@ -8,6 +8,8 @@ DLO goes on bearing as it is moved a little, those are left out too that it woul
 it moved by more; whether it did is looked at when the search has ended.
 """
 
+from typing import Any
+
 import numpy as np
 
 from dlo_planner.energy.contact import ContactSet
@@ -127,12 +129,33 @@ def _part(scene: Scene, bodies: Ints, number: Ints) -> Scene:
 def among_all(system: Problem, found: Problem, bodies: Ints) -> Problem:
     """Return the Problem `found`, of `bodies` (m,) alone, among all that `system` has."""
     contacts = found.effects.contact.contacts
-    node = np.zeros_like(system.effects.contact.contacts.node)
-    for k in range(bodies.size):
-        node[bodies[k]] = contacts.node[k]
-    obstacle = contacts.obstacle.copy()
-    for c in range(obstacle.size):
-        o = obstacle[c]
-        obstacle[c] = bodies[o] if o >= 0 else -1 - bodies[-1 - o]
+    node = _spread_over(contacts.node, bodies, system.effects.contact.scene.kind.size)
+    obstacle = _renumbered(contacts.obstacle, bodies)
     return with_contacts(found, replaced(contacts, 'node', node, 'obstacle', obstacle),
                          system.effects.contact.scene)
+
+
+@kernel
+def forces_among_all(forces: Any, bodies: Ints, count: int) -> Any:
+    """Return what `forces_after` does of `bodies` (m,) alone, among all `count` that there are."""
+    return (_spread_over(forces[0], bodies, count), forces[1],
+            _renumbered(forces[2], bodies)) + forces[3:]
+
+
+@kernel
+def _spread_over(node, bodies, count):
+    """Return (count, N + 1) forces on nodes, of which `node` (m, N + 1) has those of `bodies`."""
+    result = np.zeros((count, node.shape[1]))
+    for k in range(bodies.size):
+        result[bodies[k]] = node[k]
+    return result
+
+
+@kernel
+def _renumbered(obstacle, bodies):
+    """Return (C,) the bodies of points, and of points of friction, by their numbers among all."""
+    result = obstacle.copy()
+    for c in range(result.size):
+        o = result[c]
+        result[c] = bodies[o] if o >= 0 else -1 - bodies[-1 - o]
+    return result

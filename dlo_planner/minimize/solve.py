@@ -46,13 +46,14 @@ from dlo_planner.minimize.reach import (
     among_all,
     bodies_in_reach,
     bodies_near,
+    forces_among_all,
     points_on,
     stays_within,
     with_bodies,
 )
 from dlo_planner.model.arrays import Floats, Ints
 
-_WAYS = 2.0        # times the gripper's motion: by so much nodes of a DLO that bears mostly move
+_WAYS = 1.5        # times the gripper's motion: by so much nodes of a DLO that bears mostly move
 _ONE_PLACE = 1e-7  # of the length: contacts with one body that are nearer are one
 
 
@@ -189,8 +190,7 @@ def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, 
     for i in range(3):
         for j in range(3):
             turned += (base[i, j] - turned_from[i, j]) ** 2
-    margin = np.max(there.lengths) + _WAYS * (np.sqrt(np.sum((origin - moved_from) ** 2))
-                                              + np.sqrt(0.5 * turned) * length)
+    margin = _WAYS * (np.sqrt(np.sum((origin - moved_from) ** 2)) + np.sqrt(0.5 * turned) * length)
     near = bodies_near(there, before, bodies, margin)
     if near.size == 0:
         near = bodies
@@ -205,12 +205,16 @@ def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, 
                                                                    state.positions):
             break
         near = bodies  # it may have come to one of the others
-    if goes_on and some:
-        loaded = among_all(there, loaded, near)
     if not goes_on:
         residual, loaded, state = np.inf, there, new_configuration(there)
         evaluate(there, state)
     end = outcome(loaded, state, loaded.origin, residual, 0.0, True)
+    if goes_on and some:  # no other one is touched, and none has the gripper in it
+        table = touching(loaded.effects.contact.scene, loaded.effects.contact.contacts,
+                         loaded.lengths, state)
+        forces = forces_among_all(forces_after(loaded, state, table, loaded.origin, True), near,
+                                  there.effects.contact.scene.kind.size)
+        end = end[:7] + (forces,) + end[8:]
     return end + (residual, stability, iterations, kicks, violation, True)
 
 
