@@ -60,8 +60,8 @@ def obstacles_after(known: Mapping[tuple[str, int], Body], msg: MarkerArray, fra
     times the marker's scale) a Mesh. The text of a marker is empty, or YAML that says more:
     `{friction: 0.3}`, `{role: workspace only}`, `{ends: round}` (of a cylinder: a Capsule),
     `{cutouts: [{y: 0, z: 0, radius: 0.01}]}` (of a cube: a Sheet, whose thickness is along x), of
-    triangles `{smooth: false}` and `{hull: true}` (the Hull of their corners). DELETE takes one away,
-    DELETEALL all (of a namespace, if one is named). Those of role 'workspace only' come last.
+    triangles `{smooth: false}` and `{hull: true}` (the Hull of their corners). DELETE takes one
+    away, DELETEALL all (of a namespace, if one is named). Those of role 'workspace only' come last.
     """
     items('known', tuple(instance('known', known, dict).values()), Body)
     instance('msg', msg, MarkerArray)
