@@ -160,7 +160,7 @@ def arguments():
         'Mesh.read.path': 'tetrahedron.obj', 'Scene.read.path': 'tetrahedron.obj',
         'joints': {}, 'Scene.write.path': 'cell.scene', 'Scene.joined.other': known['Scene'],
         'Scene.cutout.name': 'lid', 'Scene.turned.name': 'lid', 'notes': (),
-        'Scene.read.friction': 0.2,
+        'Scene.read.friction': 0.2, 'hulls': False,
         'Capsule.start': (1.0, 0.0, 0.0), 'Cylinder.start': (1.0, 0.0, 0.0), 'cutout': hole,
         # simulators
         'at': 0.4, 'hold_at': 0.4, 'DirectSimulator.part.direction': 1, 'gripper': LEVEL,

@@ -131,12 +131,14 @@ def shape(dlo: Described, grippers: tuple[Pose, ...], file: Path | None, far_end
 @SCENE_OPTIONS[0]
 @SCENE_OPTIONS[1]
 @SCENE_OPTIONS[2]
+@SCENE_OPTIONS[3]
 @click.option('--friction', type=float, default=0.0, show_default=True,
               help='Of obstacles that state none.')
 @written('.png .svg .pdf the picture, .scene MoveIt, .xml MJCF, .yaml obstacles by their fields, '
          'for --scene and scene.file')
 def scene(files: tuple[Path, ...], joints: tuple[str, ...], scene_at: Pose | None,
-          scene_unit: str | None, friction: float, outputs: tuple[Path, ...]) -> None:
+          scene_unit: str | None, hulls: bool, friction: float,
+          outputs: tuple[Path, ...]) -> None:
     """Read files of a cell, and list what stands in it: obstacles and cut-outs, in m.
 
     FILES are MoveIt scenes (.scene), MJCF (.xml), URDF (.urdf), triangles (.stl .obj .ply .glb
@@ -150,7 +152,8 @@ def scene(files: tuple[Path, ...], joints: tuple[str, ...], scene_at: Pose | Non
       dlo-planner scene gripper.urdf --joint finger_joint=0.02 -o gripper.scene
     """
     checked(outputs, (*PICTURES, *SCENES, '.yaml'))
-    found = read_scene(files, scene_unit, scene_at, joints_of(joints), friction, counted=False)
+    found = read_scene(files, scene_unit, scene_at, joints_of(joints), friction, hulls=hulls,
+                       counted=False)
     click.echo(replace(found, notes=()).summary())
     for path in outputs:
         if path.suffix.lower() in PICTURES:

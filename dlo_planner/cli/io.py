@@ -59,6 +59,8 @@ READ = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
 SCENE_OPTIONS = (  # how files of a scene are read
+    click.option('--hulls', is_flag=True, help='Take triangles of it that do not enclose a solid '
+                 'as their convex hull.'),
     click.option('--joint', 'joints', multiple=True, metavar='NAME=VALUE',
                  help='Where a joint of an MJCF or URDF stands, m or rad; may be repeated.'),
     click.option('--scene-at', **POSE, help='Where the frame of the scene stands in the world.'),
@@ -75,11 +77,11 @@ def described(command: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(command)
     def reading(config: str, changes: tuple[str, ...], scenes: tuple[Path, ...],
                 scene_unit: str | None, scene_at: Pose | None, joints: tuple[str, ...],
-                **options: Any) -> object:
+                hulls: bool, **options: Any) -> object:
         values, warnings = read_values(config, changes)
         friction, stated = values['obstacles.friction'], values['scene.file']
         scene = read_scene([Path(stated)] if stated else [], friction=friction).joined(
-            read_scene(scenes, scene_unit, scene_at, joints_of(joints), friction))
+            read_scene(scenes, scene_unit, scene_at, joints_of(joints), friction, hulls=hulls))
         return command(read_described(values, warnings, scene), **options)
 
     for decorator in (
@@ -174,12 +176,12 @@ def read_poses(path: Path) -> list[Pose]:
 
 def read_scene(paths: Iterable[Path], unit: str | None = None, pose: Pose | None = None,
                joints: Mapping[str, Any] | None = None, friction: float = 0.0, *,
-               counted: bool = True) -> Scene:
+               hulls: bool = False, counted: bool = True) -> Scene:
     """Return the Scene of files; say how much was read (`counted`) and how."""
     scene = Scene()
     for path in paths:
         part = Scene.read(path, unit, pose=Pose.identity() if pose is None else pose,
-                          friction=friction, joints=joints)
+                          friction=friction, joints=joints, hulls=hulls)
         if counted:
             click.echo(f'{path}: {part.counts}', err=True)
         for note in part.notes:

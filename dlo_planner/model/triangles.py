@@ -141,7 +141,7 @@ def read(path: str | PathLike[str], unit: str | None) -> Surface:
     if unit is None:
         raise InvalidTask(f'unit = None: expected the unit of the numbers in {shown(str(path))}, '
                           f'which does not say it: one of {", ".join(map(repr, UNITS))}')
-    return mended(UNITS[unit] * np.concatenate([part.vertices for part in parts]), _joined(parts))
+    return mended(*joined(parts, UNITS[unit]))
 
 
 class Part(NamedTuple):
@@ -218,10 +218,12 @@ def _placed(name: str, matrix: Floats, geometry: Any) -> Part:
                 faces if np.linalg.det(matrix[:3, :3]) > 0 else faces[:, ::-1])
 
 
-def _joined(parts: Sequence[Part]) -> Ints:
-    """Return (m, 3) indices into the vertices of all parts behind each other."""
+def joined(parts: Sequence[Part], scale: float | Floats = 1.0) -> Surface:
+    """Return all parts of a file as one surface, its vertices times a number, or (3,) numbers."""
     first = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    return np.concatenate([part.faces + k for part, k in zip(parts, first[:-1], strict=True)])
+    return Surface(scale * np.concatenate([part.vertices for part in parts]),
+                   np.concatenate([part.faces + k for part, k in zip(parts, first[:-1],
+                                                                     strict=True)]))
 
 
 def _cut_off(file: Path) -> str:

@@ -27,7 +27,7 @@ from dlo_planner.model.obstacles import (
     Sphere,
 )
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.triangles import UNITS, mended
+from dlo_planner.model.triangles import UNITS, Surface, hull, mended, volume
 from dlo_planner.scene.plates import recognized
 
 _FEW = 64  # planes: a mesh with no more has flat faces, and is touched on its triangles
@@ -41,6 +41,7 @@ class Asked(NamedTuple):
     unit: str | None = None  # of 'm', 'cm', 'mm', 'in'; None: what the file says, or the rule is
     friction: float = 0.0  # of obstacles that state none
     joints: Mapping[str, Any] = MappingProxyType({})  # where joints stand: name -> m or rad
+    hulls: bool = False  # whether triangles that do not enclose a solid are their convex hull
 
 
 @dataclass
@@ -63,6 +64,45 @@ class Content:
 def counted(number: int, what: str) -> str:
     """Return a number of things in words."""
     return f'{number} {what}{"" if number == 1 else "s"}'
+
+
+def solids_of(name: str, surface: Surface, asked: Asked, notes: list[str]) -> list[Obstacle]:
+    """Return the obstacles that triangles are: each closed part of them is one.
+
+    What is not closed is its convex hull where that is asked for, which is noted.
+
+    Parameters
+    ----------
+    name : str
+        What they are called, with a number if they are several.
+    surface : Surface
+        Triangles in m, as they come.
+    asked : Asked
+        Friction, and whether hulls are asked for.
+    notes : list of str
+        Where it is noted.
+
+    Raises
+    ------
+    InvalidTask
+        A part that does not enclose a solid.
+    """
+    parts = solid_parts(mended(*surface))
+    names = [name] if len(parts) == 1 else [f'{name}/{k}' for k in range(len(parts))]
+    return [solid_or_hull(one, part, asked, notes) for one, part in zip(names, parts, strict=True)]
+
+
+def solid_or_hull(name: str, part: Surface, asked: Asked, notes: list[str]) -> Obstacle:
+    """Return the obstacle that one part of a surface is, see `solids_of`."""
+    try:
+        return solid_of(name, *part, asked.friction)
+    except InvalidTask as error:
+        if not asked.hulls:
+            raise InvalidTask(f'{error}; or be taken as the convex hull of it, by hulls=True, on '
+                              'the terminal --hulls') from None
+        found = Hull(hull(name, part.vertices).vertices, friction=asked.friction, name=name)
+        notes.append(f'{name!r} is not closed, and read as its convex hull')
+        return found
 
 
 def solid_of(name: str, vertices: Floats, faces: Ints, friction: float) -> Box | Sheet | Mesh:
@@ -92,6 +132,42 @@ def solid_of(name: str, vertices: Floats, faces: Ints, friction: float) -> Box |
         raise InvalidTask(f'{name!r}: {error}' if name else str(error)) from None
     found = recognized(mesh.surface)
     return mesh if found is None else replace(found, friction=friction, name=name)
+
+
+def solid_parts(whole: Surface) -> list[Surface]:
+    """Return the solids of a surface: its closed parts, those with the walls of cavities in them.
+
+    A part that is seen from within, and in no other one, was turned by who wrote it.
+    """
+    from scipy.sparse import coo_matrix  # noqa: PLC0415  (a quarter of a second)
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
+    vertices, faces = whole
+    count = len(vertices)
+    edges = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    _, label = connected_components(coo_matrix(
+        (np.ones(len(edges)), edges.T), shape=(count, count)), directed=False)
+    of_face = label[faces[:, 0]]
+    parts = [faces[of_face == k] for k in np.unique(of_face)]
+    outer = [part for part in parts if volume(vertices, part) >= 0]
+    boxes = [(vertices[part].min(axis=(0, 1)), vertices[part].max(axis=(0, 1))) for part in outer]
+    for part in parts:
+        if volume(vertices, part) >= 0:
+            continue
+        low, high = vertices[part].min(axis=(0, 1)), vertices[part].max(axis=(0, 1))
+        around = [k for k, (least, most) in enumerate(boxes)
+                  if k < len(boxes) and (least < low).all() and (most > high).all()]
+        if around:
+            k = min(around, key=lambda one: float(np.prod(boxes[one][1] - boxes[one][0])))
+            outer[k] = np.concatenate([outer[k], part])
+        else:
+            outer.append(part[:, ::-1])
+    return [_alone(vertices, part) for part in outer]
+
+
+def _alone(vertices: Floats, faces: Ints) -> Surface:
+    """Return a part of a surface with its own vertices alone."""
+    used, number = np.unique(faces, return_inverse=True)
+    return Surface(vertices[used], number.reshape(-1, 3))
 
 
 def pierced(box: Box, cutouts: Iterable[CutOut]) -> Sheet | None:

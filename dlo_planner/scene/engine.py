@@ -23,7 +23,7 @@ from dlo_planner.extras import extra
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import did_you_mean, number, row, shown
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.files import readable, text_of
+from dlo_planner.model.files import text_of
 from dlo_planner.model.obstacles import (
     Box,
     Capsule,
@@ -37,13 +37,13 @@ from dlo_planner.model.obstacles import (
     Sphere,
 )
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.triangles import hull
-from dlo_planner.scene.content import Asked, Content, counted, moved, pierced, solid_of
+from dlo_planner.model.triangles import KINDS_OF_FILE, Surface, joined, load
+from dlo_planner.scene.content import Asked, Content, counted, moved, pierced, solids_of
 from dlo_planner.scene.plates import pieces_of
 
 _LARGEST = 2**28  # bytes of a file
 _UNSAID = 0.123456789  # friction of geoms that state none: nobody writes that
-_OBJ_OR_STL = ('.stl', '.obj')
+_MESH = 'mesh:'  # begins the name of a collision that is one, for the time of reading
 _KINDS = ('plane', 'height field', 'sphere', 'capsule', 'ellipsoid', 'cylinder', 'box', 'mesh',
           'SDF')  # of geoms, by their numbers in MuJoCo
 _WIDTHS = {'free': 7, 'ball': 4, 'slide': 1, 'hinge': 1}  # numbers that say where a joint stands
@@ -74,12 +74,12 @@ def read(path: Path, asked: Asked) -> Content:
     if root.tag not in ('mujoco', 'robot'):
         raise InvalidTask(f'{path}: expected MJCF (<mujoco>) or URDF (<robot>), got '
                           f'<{shown(root.tag)[1:-1]}>')
-    content, assets = Content(), dict[str, bytes]()
+    content, meshes = Content(), dict[str, Surface]()
     if root.tag == 'robot':
-        text, assets = _collisions(path, root, content)
+        text, meshes = _collisions(path, root, content)
     try:
         if root.tag == 'robot':
-            spec = mujoco.MjSpec.from_string(text, assets=assets)
+            spec = mujoco.MjSpec.from_string(text)
             spec.compiler.fusestatic = False  # geoms are called by their links
         else:
             spec = mujoco.MjSpec.from_file(str(path))
@@ -99,8 +99,8 @@ def read(path: Path, asked: Asked) -> Content:
     mujoco.mj_kinematics(model, data)
     said = _frictions(mujoco, text, path, model, content) if root.tag == 'mujoco' else (
         np.full(model.ngeom, np.nan))
-    _Geoms(path, model, data, np.where(np.isnan(said), asked.friction, said),
-           root.tag == 'mujoco', content).read()
+    _Geoms(path, model, data, np.where(np.isnan(said), asked.friction, said), meshes, asked,
+           content).read()
     return content.scaled(asked.unit)
 
 
@@ -133,8 +133,11 @@ def _with_any_mass(mujoco: Any, spec: Any) -> None:
 
 
 def _collisions(path: Path, root: ElementTree.Element,
-                content: Content) -> tuple[str, dict[str, bytes]]:
-    """Return the text of a URDF with its collisions alone, and the meshes that they name."""
+                content: Content) -> tuple[str, dict[str, Surface]]:
+    """Return the text of a URDF with its collisions alone, and the meshes among them, in m.
+
+    In the place of a mesh is a ball: MuJoCo says where it is. The mesh is known by its name there.
+    """
     seen = 0
     for link in root.iter('link'):
         for one in link.findall('visual'):
@@ -145,19 +148,32 @@ def _collisions(path: Path, root: ElementTree.Element,
                           f'{f", and {seen} <visual>, which do not collide" if seen else ""}')
     if seen:
         content.notes.append(f'not read: {counted(seen, "visual")}, collisions alone are obstacles')
-    assets: dict[str, bytes] = {}
-    for mesh in root.iter('mesh'):
+    meshes: dict[str, Surface] = {}
+    for collision in root.iter('collision'):
+        geometry = collision.find('geometry')
+        mesh = None if geometry is None else geometry.find('mesh')
+        if geometry is None or mesh is None:
+            continue
         named = mesh.get('filename', '')
         file = _resolved(path, named)
         if file is None:
             raise InvalidTask(f'{path}: mesh {shown(named)}: expected a file beside it, in a '
                               'folder above it, or in a package of AMENT_PREFIX_PATH')
-        if file.suffix.lower() not in _OBJ_OR_STL:
-            raise InvalidTask(f'{path}: mesh {shown(named)}: expected .stl or .obj')
-        key = f'{len(assets)}{file.suffix.lower()}'
-        assets[key] = readable(file, _LARGEST).read_bytes()
-        mesh.set('filename', key)
-    return ElementTree.tostring(root, encoding='unicode'), assets
+        if file.suffix.lower() not in KINDS_OF_FILE:
+            raise InvalidTask(f'{path}: mesh {shown(named)}: expected one of '
+                              f'{" ".join(KINDS_OF_FILE)}, to which Blender or assimp convert it')
+        try:
+            scale = np.array([float(part) for part in mesh.get('scale', '1 1 1').split()])
+            surface = joined(load(file).parts, scale)
+        except ValueError as error:
+            raise InvalidTask(f'{path}: mesh {shown(named)}: expected triangles and a scale of '
+                              f'three numbers, {error}') from None
+        key = f'{_MESH}{len(meshes)} {collision.get("name", "")}'
+        collision.set('name', key)
+        meshes[key] = surface
+        geometry.remove(mesh)
+        ElementTree.SubElement(geometry, 'sphere', radius='1')
+    return ElementTree.tostring(root, encoding='unicode'), meshes
 
 
 def _resolved(path: Path, named: str) -> Path | None:
@@ -214,12 +230,14 @@ def _stand(path: Path, model: Any, data: Any, joints: Mapping[str, Any],
     left = [k for k, name in enumerate(names) if name not in joints]
     left = [k for k in left if names[k] not in followers] or left
     if left:
+        low, high = model.jnt_range[left[0]]
+        within = min(max(0.0, low), high) if model.jnt_limited[left[0]] else 0.0
         listed = ', '.join(_told(model, k, names[k]) for k in left)
         raise InvalidTask(
             f'{path}: expected what stands still, but nobody says where '
             f'{counted(len(left), "joint")} of it {"stands" if len(left) == 1 else "stand"}: '
-            f'{listed}. Say it by joints={{{names[left[0]]!r}: 0.0}}, on the terminal '
-            f'--joint "{names[left[0]]}=0"')
+            f'{listed}. Say it by joints={{{names[left[0]]!r}: {within:g}}}, on the terminal '
+            f'--joint "{names[left[0]]}={within:g}"')
     for k, name in enumerate(names):
         first, width = model.jnt_qposadr[k], _WIDTHS[_JOINTS[model.jnt_type[k]]]
         data.qpos[first:first + width] = row(f'joints[{name!r}]', joints[name], least=width,
@@ -282,11 +300,11 @@ def _included(path: Path, text: str) -> dict[str, bytes]:
 class _Geoms:
     """Makes obstacles of the geoms of a model."""
 
-    def __init__(self, path: Path, model: Any, data: Any, frictions: Floats, hulls: bool,
-                 content: Content) -> None:
+    def __init__(self, path: Path, model: Any, data: Any, frictions: Floats,
+                 meshes: Mapping[str, Surface], asked: Asked, content: Content) -> None:
         self._path, self._model, self._data = path, model, data
         self._frictions, self._content = frictions, content
-        self._hulls = hulls  # whether meshes are meant to be their convex hulls, as in MJCF
+        self._meshes, self._asked = meshes, asked  # the meshes of a URDF, by names of geoms
         collides = (np.array(model.geom_contype) != 0) | (np.array(model.geom_conaffinity) != 0)
         self._solid = np.flatnonzero(collides)
 
@@ -303,13 +321,15 @@ class _Geoms:
             own = [int(k) for k in self._solid if self._model.geom_bodyid[k] == body]
             sheet = self._sheet(body, own, holes.pop(body, []))
             self._content.obstacles += [sheet] if sheet is not None else [
-                self._obstacle(k, self._name(k, own)) for k in own]
+                one for k in own for one in self._obstacles(k, self._name(k, own))]
         for left in holes.values():
             self._content.cutouts += left
 
     def _name(self, k: int, own: list[int]) -> str:
         """Return how a geom is called: by its own name, or by its body's."""
         named, body = str(self._model.geom(k).name), int(self._model.geom_bodyid[k])
+        if named in self._meshes:
+            named = named.partition(' ')[2]
         if named or body == 0:
             return named
         of_body = _body(self._model, body)
@@ -351,9 +371,10 @@ class _Geoms:
                              friction, name=name)
         if not holes:
             return None
-        one = self._obstacle(own[0], self._name(own[0], own))
-        plate = pierced(one, holes) if len(own) == 1 and isinstance(one, Box) else (
-            one if isinstance(one, Sheet) and len(own) == 1 else None)
+        one, *more = self._obstacles(own[0], self._name(own[0], own))
+        alone = len(own) == 1 and not more
+        plate = pierced(one, holes) if alone and isinstance(one, Box) else (
+            one if alone and isinstance(one, Sheet) else None)
         if plate is None:
             self._content.cutouts += holes
             self._content.notes.append(
@@ -361,20 +382,31 @@ class _Geoms:
                 'they are not one box with holes straight through it')
         return plate
 
-    def _obstacle(self, k: int, name: str) -> Obstacle:
-        """Return what a geom is."""
+    def _obstacles(self, k: int, name: str) -> list[Obstacle]:
+        """Return what a geom is; a mesh may be several solids."""
         model, pose = self._model, self._pose('geom', k)
         kind, size = _KINDS[model.geom_type[k]], np.array(model.geom_size[k])
         friction = float(self._frictions[k])
+        of_urdf = self._meshes.get(str(model.geom(k).name))
+        if of_urdf is not None:
+            return self._solids(name or f'geom {k}', of_urdf, pose, self._asked)
         if kind == 'mesh':
             return self._mesh(k, name, pose, friction)
         if kind not in _MADE:
             raise InvalidTask(f'{self._path}: geom {name or k!r} is a {kind}: expected one of '
                               f'{", ".join(sorted((*_MADE, "mesh")))}; a closed mesh of it would '
                               'be read')
-        return replace(_MADE[kind](pose, size), friction=friction, name=name)
+        return [replace(_MADE[kind](pose, size), friction=friction, name=name)]
 
-    def _mesh(self, k: int, name: str, pose: Pose, friction: float) -> Obstacle:
+    def _solids(self, name: str, surface: Surface, at: Pose, asked: Asked) -> list[Obstacle]:
+        """Return what triangles are, in the frame of a pose."""
+        try:
+            return [moved(one, at) for one in solids_of(name, surface, asked,
+                                                        self._content.notes)]
+        except InvalidTask as error:
+            raise InvalidTask(f'{self._path}: {error}') from None
+
+    def _mesh(self, k: int, name: str, pose: Pose, friction: float) -> list[Obstacle]:
         model, number = self._model, int(self._model.geom_dataid[k])
         first, count = int(model.mesh_vertadr[number]), int(model.mesh_vertnum[number])
         vertices = np.array(model.mesh_vert[first:first + count], dtype=float)
@@ -386,18 +418,13 @@ class _Geoms:
         vertices = local.position + vertices @ local.rotation.T
         asset, name = str(model.mesh(number).name), name or f'geom {k}'
         if asset.startswith(_MESHES[Hull]):
-            return Hull(vertices, at, friction, name=name)
+            return [Hull(vertices, at, friction, name=name)]
         for smooth in (True, False):
             if asset.startswith(_MESHES[Mesh, smooth]):
-                return Mesh(vertices, faces, at, friction, smooth, name=name)
-        try:
-            return moved(solid_of(name, vertices, faces, friction), at)
-        except InvalidTask as error:
-            if not self._hulls:
-                raise InvalidTask(f'{self._path}: {error}') from None
-            self._content.notes.append(f'{error}. It is read as its convex hull, with which '
-                                       'MuJoCo collides as well')
-            return Hull(hull(name, vertices).vertices, at, friction, name=name)
+                return [Mesh(vertices, faces, at, friction, smooth, name=name)]
+        # with hulls MuJoCo collides as well
+        return self._solids(name, Surface(vertices, faces), at,
+                            self._asked._replace(friction=friction, hulls=True))
 
 
 def _bar(kind: type[Capsule | Cylinder]) -> Callable[[Pose, Floats], Obstacle]:

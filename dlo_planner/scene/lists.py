@@ -11,7 +11,7 @@ from typing import Any, cast
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.plain_tasks import FieldKind, from_plain, to_plain
-from dlo_planner.model.checks import choice, did_you_mean, known_keys, number, shown
+from dlo_planner.model.checks import choice, did_you_mean, flag, known_keys, number, shown
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import OBSTACLES, Mesh, Obstacle
 from dlo_planner.model.plain_poses import pose_of
@@ -20,7 +20,7 @@ from dlo_planner.scene.content import Asked, Content, moved, moved_cutout
 from dlo_planner.settings.yaml_files import read_yaml, yaml_of
 
 _KINDS = {one.__name__.lower(): one for one in OBSTACLES}
-_OF_FILE = ('path', 'unit', 'pose', 'friction', 'joints', 'name')
+_OF_FILE = ('path', 'unit', 'pose', 'friction', 'joints', 'hulls', 'name')
 Reader = Callable[[Path, Asked], Content]  # of any file
 
 
@@ -72,7 +72,7 @@ def _of_file(name: str, said: object, path: Path, asked: Asked, other: Reader) -
                           'values, as {finger: 0.02}')
     content = other(path.parent / given['path'], Asked(
         unit, number(f'{name}.file.friction', given.get('friction', asked.friction), minimum=0),
-        joints))
+        joints, flag(f'{name}.file.hulls', given.get('hulls', asked.hulls))))
     if given.get('pose') is not None:
         pose = pose_of(f'{name}.file.pose', given['pose'])
         content = Content([moved(one, pose) for one in content.obstacles],

@@ -38,7 +38,7 @@ from dlo_planner.model.obstacles import (
 )
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.triangles import Surface, hull
-from dlo_planner.scene.content import NO_TURN, Asked, Content, pierced, solid_of
+from dlo_planner.scene.content import NO_TURN, Asked, Content, pierced, solids_of
 from dlo_planner.scene.plates import pieces_of
 
 _NUMBERS: dict[str, tuple[str, ...]] = {  # of a shape, by its name in the file
@@ -52,7 +52,8 @@ _MOST_SHAPES = 100_000  # of an object; more is a number that is none of them
 _LARGEST = 2**28  # bytes of a file
 _DIGITS = 17  # with which a number is read back as it was
 
-Made = Callable[[str, Pose, float], Obstacle]  # makes an obstacle of its name, pose and friction
+# makes obstacles of their pose, and of what is asked for; a mesh may be several solids
+Made = Callable[[Pose, Asked], list[Obstacle]]
 
 
 class _Shape(NamedTuple):
@@ -72,13 +73,13 @@ def read(path: Path, asked: Asked) -> Content:
         name = words.line().strip()
         if not name:
             raise words.fault("expected the object's name after *")
-        _read_object(words, name, with_poses, asked.friction, content)
+        _read_object(words, name, with_poses, asked, content)
     if mark != '.':
         raise words.fault(f'expected * and an object, or . at the end, got {shown(mark)}')
     return content.scaled(asked.unit)
 
 
-def _read_object(words: _Words, name: str, with_poses: bool, friction: float,
+def _read_object(words: _Words, name: str, with_poses: bool, asked: Asked,
                  content: Content) -> None:
     words.within = name
     pose = words.pose() if with_poses else Pose.identity()
@@ -87,7 +88,7 @@ def _read_object(words: _Words, name: str, with_poses: bool, friction: float,
         made, mesh = _read_shape(words, name, content)
         shapes.append(_Shape(made, pose.compose(words.pose()), mesh))
         words.numbers('the color', 4)
-    said = _Said(friction)
+    said = _Said(asked)
     if with_poses:
         for _ in range(words.count('the number of subframes', _MOST_SHAPES)):
             label = words.word('the name of a subframe')
@@ -95,7 +96,7 @@ def _read_object(words: _Words, name: str, with_poses: bool, friction: float,
     try:
         _add(name, pose, shapes, said, content)
     except InvalidTask as error:  # which knows what is wrong, not where it stands
-        raise words.fault(str(error)) from None
+        raise words.fault(str(error).removeprefix(f'{name!r}: ')) from None
 
 
 def _add(name: str, pose: Pose, shapes: Sequence[_Shape], said: _Said, content: Content) -> None:
@@ -106,7 +107,8 @@ def _add(name: str, pose: Pose, shapes: Sequence[_Shape], said: _Said, content: 
     if said.of_mesh is not None and len(shapes) == 1 and shapes[0].triangles is not None:
         found = [said.mesh(shapes[0].triangles, shapes[0].pose)]
     else:
-        found = _capsules([one.made('', one.pose, said.friction) for one in shapes])
+        asked = said.asked._replace(friction=said.friction)
+        found = _capsules([part for one in shapes for part in one.made(one.pose, asked)])
     if said.cutouts and len(found) == 1 and isinstance(found[0], Box):
         plate = pierced(found[0], said.cutouts)
         if plate is None:
@@ -131,7 +133,7 @@ def _read_shape(words: _Words, name: str, content: Content) -> tuple[Made, Surfa
                 (faces >= 0) & (faces < len(vertices))).all():
             raise words.fault(f'expected triangles of indices from 0 to {len(vertices) - 1}')
         triangles = Surface(vertices, faces.astype(np.int64))
-        return _solid(triangles), triangles
+        return _solids(triangles, name, content.notes), triangles
     sizes = words.numbers(f'{" ".join(_NUMBERS[kind])} of a {kind}', len(_NUMBERS[kind]))
     if kind != 'plane' and min(sizes) <= 0:
         raise words.fault(f'expected sizes above 0 of a {kind}, got {sizes}')
@@ -154,8 +156,8 @@ def _on_axis(pose: Pose, length: float) -> tuple[Floats, Floats]:
 def _plane(numbers: Sequence[float]) -> Made:
     normal = np.array(numbers[:3])
     point = -numbers[3] * normal / (normal @ normal)
-    return lambda name, pose, friction: Plane(
-        pose.position + pose.rotation @ point, pose.rotation @ normal, friction, name=name)
+    return lambda pose, asked: [Plane(pose.position + pose.rotation @ point,
+                                      pose.rotation @ normal, asked.friction)]
 
 
 def _cone(numbers: Sequence[float]) -> Made:
@@ -165,23 +167,23 @@ def _cone(numbers: Sequence[float]) -> Made:
     points = np.vstack([np.column_stack([out * np.cos(turns), out * np.sin(turns),
                                          np.full_like(turns, -0.5 * length)]),
                         (0.0, 0.0, 0.5 * length)])
-    return lambda name, pose, friction: Hull(points, pose, friction, name=name)
+    return lambda pose, asked: [Hull(points, pose, asked.friction)]
 
 
 _MADE: dict[str, Callable[[Sequence[float]], Made]] = {
-    'sphere': lambda sizes: lambda name, pose, friction: Sphere(
-        pose.position, sizes[0], friction, name=name),
-    'box': lambda sizes: lambda name, pose, friction: Box(pose, sizes, friction, name=name),
-    'cylinder': lambda sizes: lambda name, pose, friction: Cylinder(
-        *_on_axis(pose, sizes[1]), sizes[0], friction, name=name),
+    'sphere': lambda sizes: lambda pose, asked: [
+        Sphere(pose.position, sizes[0], asked.friction)],
+    'box': lambda sizes: lambda pose, asked: [Box(pose, sizes, asked.friction)],
+    'cylinder': lambda sizes: lambda pose, asked: [
+        Cylinder(*_on_axis(pose, sizes[1]), sizes[0], asked.friction)],
     'cone': _cone, 'plane': _plane}
 
 
-def _solid(triangles: Surface) -> Made:
-    """Return what makes the obstacle of triangles."""
-    def made(name: str, pose: Pose, friction: float) -> Obstacle:
+def _solids(triangles: Surface, name: str, notes: list[str]) -> Made:
+    """Return what makes the obstacles of triangles; `name` and `notes` are for what is odd."""
+    def made(pose: Pose, asked: Asked) -> list[Obstacle]:
         vertices = pose.position + triangles.vertices @ pose.rotation.T
-        return solid_of(name, vertices, triangles.faces, friction)
+        return solids_of(name, Surface(vertices, triangles.faces), asked, notes)
     return made
 
 
@@ -207,8 +209,8 @@ def _capsules(found: Sequence[Obstacle]) -> list[Obstacle]:
 class _Said:
     """What subframes named `dlo:...` say of an object."""
 
-    def __init__(self, friction: float) -> None:
-        self.friction = friction
+    def __init__(self, asked: Asked) -> None:
+        self.asked, self.friction = asked, asked.friction
         self.cutouts: list[CutOut] = []
         self.whole: tuple[str, Mapping[str, float]] | None = None
         self.of_mesh: tuple[str, Mapping[str, float]] | None = None

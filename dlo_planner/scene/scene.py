@@ -19,6 +19,7 @@ from dlo_planner.errors import DoubtfulInput, InvalidTask
 from dlo_planner.model.checks import (
     choice,
     did_you_mean,
+    flag,
     instance,
     items,
     number,
@@ -180,7 +181,7 @@ class Scene(Value):
     @classmethod
     def read(cls, path: str | PathLike[str], unit: str | None = None, *,
              pose: Pose = Pose.identity(), friction: float = 0.0,  # noqa: B008 - frozen
-             joints: Mapping[str, Any] | None = None) -> Scene:
+             joints: Mapping[str, Any] | None = None, hulls: bool = False) -> Scene:
         """Return what a file of a cell says.
 
         MoveIt's `.scene`, MJCF (`.xml`), URDF (`.urdf`), triangles (`.stl .obj .ply .glb .3mf`),
@@ -200,6 +201,9 @@ class Scene(Value):
         joints : dict, optional
             Where the joints of an MJCF or URDF stand: name -> m or rad (of a ball joint or a free
             one its 4 or 7 numbers).
+        hulls : bool, optional
+            Whether triangles that do not enclose a solid are taken as their convex hull, which is
+            noted; else they are refused. Those of MJCF always are, as MuJoCo takes them.
 
         Returns
         -------
@@ -219,7 +223,8 @@ class Scene(Value):
         if unit is not None:
             choice('unit', unit, UNITS)
         asked = Asked(unit, number('friction', friction, minimum=0),
-                      instance('joints', joints, Mapping, optional=True) or {})
+                      instance('joints', joints, Mapping, optional=True) or {},
+                      flag('hulls', hulls))
         content = _read(readable(path), asked)
         obstacles, renamed = _with_own_names(content.obstacles)
         if pose != Pose.identity():

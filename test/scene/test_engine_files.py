@@ -160,15 +160,27 @@ def test_joints_stand_where_they_are_told_to(tmp_path):
     np.testing.assert_allclose(found['tip'].center, (0.09, 0.03, 0), atol=1e-12)
     assert found.notes == ('not read: 1 visual, collisions alone are obstacles',)
     for joints, said in ((None, r"nobody says where 1 joint of it stands: 'slide' \(slide, 0 to "
-                                r"0\.04 m\)\. Say it by joints={'slide': 0\.0}"),
+                                r"0\.04 m\)\. Say it by joints={.slide.: 0}, .*slide=0"),
                          ({'slide': 0.05}, r"joints\['slide'\] = 0\.05: expected 0 to 0\.04"),
                          ({'slid': 0.0}, "joints: 'slid': expected one of 'slide', .* mean slide"),
                          ({'slide': [0, 1]}, r"joints\['slide'\] has 2 numbers")):
         with pytest.raises(InvalidTask, match=said):
             read(tmp_path, GRIPPER, 'gripper/it.urdf', joints=joints)
+    vertices, faces = block((60, 10, 20))
+    (tmp_path / 'gripper' / 'meshes' / 'pad.stl').write_bytes(stl(vertices, faces[1:]))
+    with pytest.raises(InvalidTask, match=r"it.urdf: 'finger': Mesh is not .* --hulls"):
+        read(tmp_path, GRIPPER, 'gripper/it.urdf', joints={'slide': 0.03})
+    hull = read(tmp_path, GRIPPER, 'gripper/it.urdf', joints={'slide': 0.03}, hulls=True)
+    assert isinstance(hull['finger'], Hull) and "'finger' is not closed" in hull.notes[-1]
+    np.testing.assert_allclose(hull['finger'].pose.position + hull['finger'].points.mean(axis=0),
+                               (0.06, 0.03, 0), atol=1e-8)
     (tmp_path / 'gripper' / 'meshes' / 'pad.stl').unlink()
     with pytest.raises(InvalidTask, match=r"mesh 'package://.*pad\.stl': expected a file"):
         read(tmp_path, GRIPPER, 'gripper/it.urdf', joints={'slide': 0.03})
+    (tmp_path / 'gripper' / 'meshes' / 'pad.dae').touch()
+    with pytest.raises(InvalidTask, match=r'pad\.dae\': expected one of \.stl .* assimp convert'):
+        read(tmp_path, GRIPPER.replace('pad.stl', 'pad.dae'), 'gripper/it.urdf',
+             joints={'slide': 0.03})
 
 
 def test_links_without_a_mass_stand_where_they_are(tmp_path):
@@ -213,8 +225,7 @@ def test_a_mesh_is_its_triangles_and_where_it_is_open_its_hull(tmp_path):
     opened = ' '.join(map(str, faces[1:].ravel()))
     found = read(tmp_path, text.format(rows[0], f'face="{opened}"'))
     assert isinstance(found['it'], Hull)
-    assert "'it': Mesh is not watertight: 191 triangles have 3 open edges" in found.notes[0]
-    assert 'read as its convex hull' in found.notes[0]
+    assert found.notes == ("'it' is not closed, and read as its convex hull",)
     vertices, sides = plate(rectangle(0.2, 0.1), [], 0.01)
     panel = read(tmp_path, text.format(' '.join(map(str, vertices.ravel())),
                                        f'face="{" ".join(map(str, sides.ravel()))}"'))

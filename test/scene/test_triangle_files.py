@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from solids import block, circle, plate, rectangle, stl, torus
 
-from dlo_planner import Box, InvalidTask, Mesh, Pose, Sheet
+from dlo_planner import Box, Hull, InvalidTask, Mesh, Pose, Sheet
 from dlo_planner.scene import Scene
 
 trimesh = pytest.importorskip('trimesh')
@@ -108,6 +108,21 @@ def test_solids_of_a_file_are_obstacles_of_their_own(tmp_path):
         [0, 0, 0], [0.02, 0, 0], [0.04, 0, 0]]
     hollow, = (one for one in found.obstacles if isinstance(one, Mesh))
     assert len(hollow.faces) == 24
+
+
+def test_what_is_not_closed_is_its_hull_where_that_is_said(tmp_path):
+    ring, faces = torus(100, 20, 12, 8)
+    box = block((10, 10, 10), (300, 0, 0))
+    content = stl(np.concatenate([ring, box[0]]), np.concatenate([faces[1:], box[1] + len(ring)]))
+    found = read(tmp_path, 'it.stl', content, unit='mm', hulls=True, friction=0.2)
+    hull, = (one for one in found.obstacles if isinstance(one, Hull))
+    assert found.notes == (f'{hull.name!r} is not closed, and read as its convex hull',)
+    np.testing.assert_allclose(np.ptp(hull.points, axis=0), (0.24, 0.24, 0.04), rtol=1e-6)
+    assert hull.friction == 0.2 and len(found.obstacles) == 2
+    (tmp_path / 'list.yaml').write_text('- file: {path: it.stl, unit: mm, hulls: true}')
+    assert Scene.read(tmp_path / 'list.yaml').notes == found.notes
+    with pytest.raises(InvalidTask, match='taken as the convex hull of it, by hulls=True'):
+        read(tmp_path, 'it.stl', content, unit='mm')
 
 
 def test_where_a_file_stands(tmp_path):
