@@ -69,7 +69,7 @@ def counted(number: int, what: str) -> str:
 def solids_of(name: str, surface: Surface, asked: Asked, notes: list[str]) -> list[Obstacle]:
     """Return the obstacles that triangles are: each closed part of them is one.
 
-    What is not closed is its convex hull where that is asked for, which is noted.
+    Where one is not closed all of them are one convex hull, if that is asked for, which is noted.
 
     Parameters
     ----------
@@ -89,7 +89,13 @@ def solids_of(name: str, surface: Surface, asked: Asked, notes: list[str]) -> li
     """
     parts = solid_parts(mended(*surface))
     names = [name] if len(parts) == 1 else [f'{name}/{k}' for k in range(len(parts))]
-    return [solid_or_hull(one, part, asked, notes) for one, part in zip(names, parts, strict=True)]
+    try:
+        return [solid_or_hull(one, part, asked._replace(hulls=False), notes)
+                for one, part in zip(names, parts, strict=True)]
+    except InvalidTask:
+        if not asked.hulls:
+            raise
+        return [_hull(name, surface, asked, notes)]
 
 
 def solid_or_hull(name: str, part: Surface, asked: Asked, notes: list[str]) -> Obstacle:
@@ -100,9 +106,14 @@ def solid_or_hull(name: str, part: Surface, asked: Asked, notes: list[str]) -> O
         if not asked.hulls:
             raise InvalidTask(f'{error}; or be taken as the convex hull of it, by hulls=True, on '
                               'the terminal --hulls') from None
-        found = Hull(hull(name, part.vertices).vertices, friction=asked.friction, name=name)
-        notes.append(f'{name!r} is not closed, and read as its convex hull')
-        return found
+        return _hull(name, part, asked, notes)
+
+
+def _hull(name: str, surface: Surface, asked: Asked, notes: list[str]) -> Hull:
+    """Return the convex hull of triangles, which is noted."""
+    found = Hull(hull(name, surface.vertices).vertices, friction=asked.friction, name=name)
+    notes.append(f'{name!r} is not closed, and read as its convex hull')
+    return found
 
 
 def solid_of(name: str, vertices: Floats, faces: Ints, friction: float) -> Box | Sheet | Mesh:

@@ -198,7 +198,7 @@ def _resolved(path: Path, named: str) -> Path | None:
 def _mimics(root: ElementTree.Element) -> dict[str, ElementTree.Element]:
     """Return what URDF says of joints that follow another one, by their names."""
     return {joint.get('name', ''): mimic for joint in root.iter('joint')
-            if (mimic := joint.find('mimic')) is not None}
+            if joint.get('type') != 'fixed' and (mimic := joint.find('mimic')) is not None}
 
 
 def _with_mimics(root: ElementTree.Element, joints: Mapping[str, Any]) -> dict[str, Any]:

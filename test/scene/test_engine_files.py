@@ -203,7 +203,9 @@ def test_a_joint_that_mimics_another_one_stands_by_it(tmp_path):
               'velocity="1"/>{1}</joint>')
     text = '<robot name="r"><link name="palm"/>' + finger.format('left', '') + finger.format(
         'right', '<mimic joint="left_joint" multiplier="-1" offset="0.1"/>') + finger.format(
-        'third', '<mimic joint="right_joint"/>') + '</robot>'
+        'third', '<mimic joint="right_joint"/>') + (
+            '<link name="end"/><joint name="end_joint" type="fixed"><parent link="palm"/>'
+            '<child link="end"/><mimic joint="left_joint"/></joint></robot>')
     found = read(tmp_path, text, joints={'left_joint': 0.02})
     assert {one.name: one.center[1].round(12) for one in found.obstacles} == {
         'left': 0.02, 'right': 0.08, 'third': 0.08}
