@@ -128,10 +128,10 @@ def shape(dlo: Described, grippers: tuple[Pose, ...], file: Path | None, far_end
 
 @click.command('scene')
 @click.argument('files', type=READ, nargs=-1, required=True)
-@SCENE_OPTIONS[0]
-@SCENE_OPTIONS[1]
-@SCENE_OPTIONS[2]
 @SCENE_OPTIONS[3]
+@SCENE_OPTIONS[2]
+@SCENE_OPTIONS[1]
+@SCENE_OPTIONS[0]
 @click.option('--friction', type=float, default=0.0, show_default=True,
               help='Of obstacles that state none.')
 @written('.png .svg .pdf the picture, .scene MoveIt, .xml MJCF, .yaml obstacles by their fields, '

@@ -306,6 +306,8 @@ class _Geoms:
         self._frictions, self._content = frictions, content
         self._meshes, self._asked = meshes, asked  # the meshes of a URDF, by names of geoms
         collides = (np.array(model.geom_contype) != 0) | (np.array(model.geom_conaffinity) != 0)
+        for geoms in (model.pair_geom1, model.pair_geom2):  # what a <pair> lets collide
+            collides[geoms] = True
         self._solid = np.flatnonzero(collides)
 
     def read(self) -> None:

@@ -30,6 +30,9 @@ def read(path: Path, asked: Asked) -> Content:
                              'terminal --scene-unit, says another')
     elif said is not None and asked.unit not in (None, said):
         content.notes.append(f'{path.name} says {said}, read in {asked.unit} as was asked for')
+    if path.suffix.lower() == '.glb':
+        content.notes.append(f'{path.name} is read as it stands; in glTF y leads upwards, which a '
+                             'pose of 0,0,0,0.70711,0,0,0.70711 turns to z')
     whole = joined(parts, UNITS[unit])
     size = float(np.ptp(whole.vertices, axis=0).max())
     if not _NEAR <= size <= _FAR:

@@ -87,6 +87,13 @@ def test_friction_of_included_files_is_known(tmp_path):
     assert {one.name: one.friction for one in found.obstacles} == {'a': 0, 'b': 0.7, 'c': 0}
 
 
+def test_what_collides_by_a_pair_is_read(tmp_path):
+    ball = '<geom name="{}" size=".1" contype="0" conaffinity="0"/>'
+    found = read(tmp_path, '<mujoco><worldbody>' + ''.join(map(ball.format, 'abc'))
+                 + '</worldbody><contact><pair geom1="a" geom2="b"/></contact></mujoco>')
+    assert [one.name for one in found.obstacles] == ['a', 'b']
+
+
 def distances(path, points):
     """Return MuJoCo's distances (n,) of points from all geoms of a file that are no planes."""
     spec = mujoco.MjSpec.from_file(str(path))

@@ -21,9 +21,12 @@ from dlo_planner import (
     Rod,
     Sheet,
     Sphere,
+    Workspace,
 )
+from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.rods import Piecewise
 from dlo_planner.scene import Scene
+from dlo_planner.scene.content import moved
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 BALL = Sphere((0, 0, 0), 0.1)
@@ -45,6 +48,24 @@ def test_each_obstacle_has_a_name_of_its_own():
     both = scene.joined(Scene([scene['ball']]))
     assert both.obstacles[3].name == 'ball (2)'
     assert both.notes == ("another 'ball' is called 'ball (2)'",)
+
+
+def test_each_kind_of_obstacle_has_an_example():
+    assert {*map(type, one_of_each())} == {*OBSTACLES}
+
+
+def test_a_scene_that_is_moved_is_as_far_from_what_moved_with_it():
+    by = Pose((0.3, -0.2, 0.1), np.array((0.1, 0.3, -0.2, 0.9)))
+    points = np.random.default_rng(1).uniform(-1, 1, (20, 3))
+    for one in one_of_each():
+        before, after = (Workspace(keep_out=[body]) for body in (one, moved(one, by)))
+        for point in points:
+            here = Pose(point, (0, 0, 0, 1))
+            assert after.min_margin(by.compose(here))[1] == pytest.approx(
+                before.min_margin(here)[1], abs=1e-9)
+        larger = Workspace(keep_out=[moved(one, scale=2.0)])
+        assert larger.min_margin(Pose(2 * points[0], (0, 0, 0, 1)))[1] == pytest.approx(
+            2 * before.min_margin(Pose(points[0], (0, 0, 0, 1)))[1], abs=1e-9)
 
 
 def test_a_scene_is_a_value():

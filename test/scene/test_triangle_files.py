@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """STL, OBJ, PLY, GLB and 3MF: units, parts and their names, what is no solid is refused."""
 
+import re
+
 import numpy as np
 import pytest
 from solids import block, circle, plate, rectangle, stl, torus
@@ -81,7 +83,12 @@ def test_files_that_state_their_unit(tmp_path):
     turn = trimesh.transformations.rotation_matrix(0.4, (0, 0, 1), (1, 0, 0))
     scene.add_geometry(trimesh.Trimesh(*block((0.1, 0.2, 0.3))), node_name='post', transform=turn)
     found = read(tmp_path, 'cell.glb', scene.export(file_type='glb'))
-    assert {one.name for one in found.obstacles} == {'ring', 'post'} and found.notes == ()
+    assert {one.name for one in found.obstacles} == {'ring', 'post'}
+    note, = found.notes
+    assert 'in glTF y leads upwards' in note
+    numbers = [float(one) for one in re.search(r'pose of (\S+)', note)[1].split(',')]
+    up = Pose(numbers[:3], numbers[3:]).rotation @ (0, 1, 0)
+    np.testing.assert_allclose(up, (0, 0, 1), atol=1e-5)
     np.testing.assert_allclose(found['post'].pose.position, turn[:3, 3], atol=1e-6)
     jig = trimesh.Scene()
     jig.add_geometry(trimesh.Trimesh(*block((50, 20, 10))), node_name='jig', geom_name='jig')
