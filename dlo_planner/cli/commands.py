@@ -43,6 +43,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, doubts
 from dlo_planner.model.supports import FarEnd
+from dlo_planner.model.triangles import UNITS
 from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map
 from dlo_planner.parallel.capability import QUANTITIES
 from dlo_planner.plan.plan import Plan
@@ -54,7 +55,7 @@ from dlo_planner.settings.build import (
     refuse_grasped,
     tolerance_of,
 )
-from dlo_planner.settings.looks import UNITS, read_observations
+from dlo_planner.settings.looks import read_observations
 from dlo_planner.settings.tasks import plan_task, read_task
 from dlo_planner.settings.yaml_files import write_values
 from dlo_planner.signals import leave_to_parent
