@@ -22,7 +22,7 @@ _LEAF = 4       # triangles that are looked at one by one
 _DEPTH = 64     # boxes that wait; a tree that is halved at each box is no deeper for 2^60
 _ON = 1e-12     # of the largest coordinate: so near to the surface the way to it has no direction
 _FLAT = 1e-10   # 1 - cosine between the faces at an edge: below it the edge bends nothing
-_EVEN = 1e-24   # of the product of both lengths squared: lines that are parallel
+_EVEN = 1e-24   # of lengths squared: lines that are parallel, a place that is on an edge
 FACE, EDGE_AB, EDGE_BC, EDGE_CA, CORNER_A, CORNER_B, CORNER_C = range(7)
 
 
@@ -438,8 +438,15 @@ def _pierced(corner, t, p, q):
     share = first / (first - second)
     x, y, z = (p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1]),
                p[2] + share * (q[2] - p[2]))
-    feature, _, _ = _in_triangle(corner, t, x, y, z)
-    return share if feature == FACE else -1.0
+    feature, v, w = _in_triangle(corner, t, x, y, z)
+    if feature == FACE:
+        return share
+    # on an edge neither of two triangles may have it inside
+    x -= corner[t, 0] + v * b0 + w * c0
+    y -= corner[t, 1] + v * b1 + w * c1
+    z -= corner[t, 2] + v * b2 + w * c2
+    size = b0 * b0 + b1 * b1 + b2 * b2 + c0 * c0 + c1 * c1 + c2 * c2
+    return share if x * x + y * y + z * z <= _EVEN * size else -1.0
 
 
 @kernel

@@ -58,7 +58,7 @@ class Grid(NamedTuple):
 
     low: Floats
     step: float
-    count: Ints
+    counts: Ints
     further: int
     block: Ints
     weight: NDArray[np.float32]
@@ -116,7 +116,7 @@ def joined(grids: list[Grid]) -> Grids:
         [np.zeros((0, _SIDE, _SIDE, _SIDE), dtype=np.float32), *(grid.weight for grid in grids)])
     return Grids(np.array([grid.low for grid in grids]).reshape(-1, 3),
                  np.array([grid.step for grid in grids], dtype=float),
-                 np.array([grid.count for grid in grids], dtype=np.int64).reshape(-1, 3), first,
+                 np.array([grid.counts for grid in grids], dtype=np.int64).reshape(-1, 3), first,
                  np.array([grid.further for grid in grids], dtype=np.int64),
                  np.concatenate([np.zeros(0, dtype=np.int64), *blocks]), weight)
 

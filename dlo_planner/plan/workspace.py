@@ -76,7 +76,7 @@ class Workspace(Value):
 
     @cached_property
     def _scene(self) -> Scene:
-        result: Scene = build_scene(self.keep_out, self.gripper_radius)
+        result: Scene = build_scene(self.keep_out, self.gripper_radius, sharp=True)
         return result
 
     def _limits(self) -> list[tuple[str, Rooms, bool]]:

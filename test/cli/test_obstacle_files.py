@@ -3,8 +3,20 @@
 """Obstacles in YAML files: by their class and its fields, the same for all of them."""
 
 import pytest
+from meshes import SOLIDS
 
-from dlo_planner import Box, Capsule, CutOut, Cylinder, InvalidTask, Plane, Pose, Sheet, Sphere
+from dlo_planner import (
+    Box,
+    Capsule,
+    CutOut,
+    Cylinder,
+    InvalidTask,
+    Mesh,
+    Plane,
+    Pose,
+    Sheet,
+    Sphere,
+)
 from dlo_planner.scene import Scene
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
@@ -20,6 +32,27 @@ TEXT = """
 KNOWN = (Plane((0, 0, 0.2), (0, 0, 1), 0.3), Sphere((1, 0, 0), 0.1),
          Capsule((0, 0, 0), (1, 0, 0), 0.1), Cylinder((0, 0, 0), (1, 0, 0), 0.1, 0.2),
          Box(LEVEL, (1, 2, 3)), Sheet(LEVEL, 1.0, 2.0, cutouts=[CutOut(LEVEL, radius=0.1)]))
+
+
+def test_a_mesh_is_read_from_its_file(tmp_path):
+    pytest.importorskip('trimesh').Trimesh(*SOLIDS['ring'], process=False).export(
+        tmp_path / 'ring.stl')
+    mesh, = read(tmp_path, f'- mesh: {{path: {tmp_path}/ring.stl, unit: mm, pose: [0, 0, 1], '
+                 'friction: 0.2}')
+    assert (len(mesh.faces), mesh.pose, mesh.friction, mesh.smooth) == (576, LEVEL, 0.2, True)
+    for text, said in (('{path: a.stl, unit: mm, size: 1}', 'mesh.size: expected one of path'),
+                       ('{path: none.stl, unit: mm}', 'mesh: path = .*: expected a file'),
+                       (f'{{path: {tmp_path}/ring.stl}}', 'mesh: unit = None: expected the unit')):
+        with pytest.raises(InvalidTask, match=said):
+            read(tmp_path, f'- mesh: {text}')
+
+
+def test_triangles_may_stand_in_the_file(tmp_path):
+    tetrahedron = ('{vertices: [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], '
+                   'faces: [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]}')
+    mesh, hull = read(tmp_path, f'- mesh: {tetrahedron}\n'
+                      '- hull: {points: [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]}')
+    assert mesh == Mesh(hull.points, [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
 
 
 def read(tmp_path, text):
