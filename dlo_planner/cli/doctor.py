@@ -23,6 +23,7 @@ _EXTRAS = {  # extra -> (module, distribution, what it is for)
     'figures': ('matplotlib', 'matplotlib', 'pictures and films'),
     'scene': ('trimesh', 'trimesh', 'files of a cell: STL, OBJ, ...; MJCF, URDF'),
     'view': ('viser', 'viser', 'the page in the browser'),
+    'mesh': ('trimesh', 'trimesh', 'meshes from files'),
     'cell': ('mujoco', 'mujoco', 'the cell: a physics engine'),
     'arm': ('pinocchio', 'pin', 'joints of a robot arm'),
     'cluster': ('distributed', 'distributed', 'many machines')}

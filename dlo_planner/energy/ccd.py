@@ -36,6 +36,7 @@ from dlo_planner.energy.scene import (
 )
 from dlo_planner.geometry.bvh import line_to_surface, nearest_on_surface
 from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.geometry.smooth_distance import smooth_distance
 from dlo_planner.geometry.so3 import matrix, rotation_vector, transposed_times
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
@@ -249,7 +250,8 @@ def _piece_enters(scene, o, ends, sag, radius):
         ends: (2, 2, 3) both ends, each before and after
     """
     trees, root = scene.trees, scene.root[o]
-    p, q, move = np.empty(3), np.empty(3), 0.0
+    p, q, middle, move = np.empty(3), np.empty(3), np.empty(3), 0.0
+    normal, hessian = np.empty(3), np.empty((3, 3))
     for end in range(2):
         square = 0.0
         for i in range(3):
@@ -262,6 +264,18 @@ def _piece_enters(scene, o, ends, sag, radius):
         for i in range(3):
             p[i] = ends[0, 0, i] + gone / move * (ends[0, 1, i] - ends[0, 0, i])
             q[i] = ends[1, 0, i] + gone / move * (ends[1, 1, i] - ends[1, 0, i])
+        if scene.smooth[o] >= 0:  # which is never more than the exact one, and costs less
+            length = 0.0
+            for i in range(3):
+                length += (q[i] - p[i]) ** 2
+                middle[i] = 0.5 * (p[i] + q[i])
+            about = smooth_distance(scene.grids, scene.smooth[o], middle, normal, hessian)
+            about -= 0.5 * np.sqrt(length) + sag
+            if radius < about < np.inf:
+                gone += about
+                if gone >= move:
+                    return False
+                continue
         away, met = line_to_surface(trees, root, p, q, move - gone + 2.0 * sag)
         if met < 0:
             return False

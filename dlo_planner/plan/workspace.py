@@ -42,7 +42,7 @@ class Workspace(Value):
     upper : ndarray, shape (3,)
         Opposite corner, m; inf: no limit.
     keep_out : tuple of obstacle
-        Plane, Sphere, Capsule, Cylinder, Box, Sheet, in any number.
+        Plane, Sphere, Capsule, Cylinder, Box, Ellipsoid, Sheet, Mesh, Hull, in any number.
     gripper_radius : float
         Radius in m of the sphere about the gripper's origin that stands for it.
 
