@@ -95,7 +95,8 @@ def test_a_file_that_says_its_unit(tmp_path):
 
 @pytest.mark.parametrize(('name', 'content', 'said'), [
     ('a.stl', b'rubbish', 'expected'), ('a.stl', b'\0' * 300, 'expected triangles, it has none'),
-    ('a.obj', b'v 0 0 0\n', 'it has none'), ('a.step', b'x', 'expected a file that ends with one of'),
+    ('a.obj', b'v 0 0 0\n', 'it has none'),
+    ('a.step', b'x', 'expected a file that ends with one of'),
     ('a.obj', b'v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n', r'path = .*not watertight: 1 triangles')])
 def test_odd_files_are_refused_by_name(tmp_path, name, content, said):
     pytest.importorskip('trimesh')
