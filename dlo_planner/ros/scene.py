@@ -146,7 +146,7 @@ def _standing(path: str, friction: float) -> CellScene:
 def body_name(key: tuple[str, int]) -> str:
     """Return how an obstacle is called, of its (namespace, id), as in RViz."""
     group = ''.join(sign if sign.isprintable() else '?' for sign in key[0][:_LONGEST_GROUP])
-    return f'{group.strip()}/{key[1]}'
+    return f'{group.strip()}/{key[1]}' if group.strip() else f'marker {key[1]}'
 
 
 def _judge(values: Mapping[str, Any]) -> None:

@@ -301,6 +301,8 @@ def test_what_the_file_of_the_cell_says_stands_before_the_bodies(tmp_path):
     path = tmp_path / 'cell.yaml'
     path.write_text('- sphere: {name: lamp, center: [0, 5, 0], radius: 0.1}\n'
                     '- sphere: {center: [0, 5, 1], radius: 0.1, friction: 0}\n')
+    nameless = scene({('', 4): BALL['cell', 3], ('two\nlines', 5): BALL['cell', 3]})
+    assert [one.name for one in nameless.direct.obstacles] == ['marker 4', 'two?lines/5']
     made = scene(BALL, scene__file=str(path), obstacles__friction=0.3)
     assert [one.name for one in made.direct.obstacles] == ['lamp', 'sphere 1', 'cell/3']
     assert [one.friction for one in made.direct.obstacles] == [0.3, 0.0, 0.3]
