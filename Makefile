@@ -53,7 +53,7 @@ real-time:
 oldest:
 	$(PYTHON) -m venv build/oldest
 	build/oldest/bin/python -m pip install --quiet --disable-pip-version-check -c .ci/oldest.txt \
-	  '.[figures,cell,view,cluster]' pytest hypothesis
+	  '.[figures,cell,view,cluster,mesh]' pytest hypothesis
 	build/oldest/bin/pytest -m 'not real_time $(QUICK)' $(CORE) test/cell/test_plant.py test/view
 
 newest:

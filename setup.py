@@ -100,6 +100,8 @@ setup(
         'figures': ['matplotlib>=3.6'],
         'arm': ['pin>=3'],
         'view': ['viser>=1.1'],
+        'scene': ['mujoco>=3.13', 'trimesh>=5.0', 'lxml', 'networkx'],
+        'mesh': ['trimesh>=5.0', 'lxml', 'networkx'],
         'cluster': ['distributed>=2024.1'],
         'peers': ['mujoco', 'pyelastica', 'cosseratbench', 'matplotlib'],
         'cell': ['mujoco>=3.13', 'matplotlib>=3.6'],

@@ -28,7 +28,7 @@ from dlo_planner.inverse.equilibria import hanging_shapes
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import Plane, Sheet
+from dlo_planner.model.obstacles import Mesh, Plane, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import PointLoad
@@ -43,6 +43,7 @@ _THIN = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)
 _ROD = Rod(1.0, 0.1, (1.0, 2.0), 0.7, natural_curvature=(0.1, 0.2))
 _YIELDING = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)
 _LEVEL = Pose((0, 0, 0), (0, 0, 0, 1))
+_TETRAHEDRON = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 _TILTED = Pose.looking_along((0, 0, 0), (1, 0.2, 0))
 
 
@@ -165,6 +166,8 @@ def touching() -> None:
     assert corrected_by(elastic.mesh, shape, past_of(elastic.mesh, shape, None)) < 1
     direct.solve(_LEVEL, far_end=(0.8, 0, 0))
     AwayFrom((Plane((0, 0, -0.2), (0, 0, 1)),), 0.1).residuals(shapes[0])
+    corners = 0.01 * np.vstack([np.zeros(3), np.eye(3)])
+    DirectSimulator(_THIN, n_elements=16, obstacles=[Mesh(corners, _TETRAHEDRON)]).solve(_LEVEL)
     InHole(hole, 0.1).residuals(shapes[0])
     cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
     for simulator in (DirectSimulator(_YIELDING), direct):

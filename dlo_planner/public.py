@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The names of the package itself; `import dlo_planner` loads them when one is asked for.
 
-The rest is in `dlo_planner.tasks`, `.penalties`, `.rods`, `.results`, `.identify`, `.closed_loop`,
-`.parallel`, `.arm` and `.view`.
+The rest is in `dlo_planner.tasks`, `.penalties`, `.rods`, `.scene`, `.results`, `.identify`,
+`.closed_loop`, `.parallel`, `.arm` and `.view`.
 """
 
 from dlo_planner.direct.shape import Shape
@@ -29,7 +29,17 @@ from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Ellipsoid, Plane, Sheet, Sphere
+from dlo_planner.model.obstacles import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Hull,
+    Mesh,
+    Plane,
+    Sheet,
+    Sphere,
+)
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import FarEnd, PointLoad
@@ -44,8 +54,8 @@ from dlo_planner.verify.robustness import robustness
 
 __all__ = ['Box', 'Capsule', 'ClosedLoop', 'CutOut', 'Cylinder', 'DeadlineExceeded',
            'DirectSimulator', 'DloPlannerError', 'DoubtfulInput', 'Ellipsoid', 'FarEnd',
-           'HoldContact', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
-           'LayOnLine', 'Limits', 'Minimize', 'NotConverged', 'Observer', 'Plan', 'Plane',
-           'PointLoad', 'Pose', 'Rod', 'Shape', 'Sheet', 'SlideContact', 'Sphere', 'Thread',
-           'ThreadSequence', 'ThreadTwo', 'Trajectory', 'Uncertainty', 'Workspace', 'fit_rod',
-           'replay', 'robustness', 'solve_many']
+           'HoldContact', 'Hull', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask',
+           'InverseSimulator', 'LayOnLine', 'Limits', 'Mesh', 'Minimize', 'NotConverged',
+           'Observer', 'Plan', 'Plane', 'PointLoad', 'Pose', 'Rod', 'Shape', 'Sheet',
+           'SlideContact', 'Sphere', 'Thread', 'ThreadSequence', 'ThreadTwo', 'Trajectory',
+           'Uncertainty', 'Workspace', 'fit_rod', 'replay', 'robustness', 'solve_many']

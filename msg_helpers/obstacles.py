@@ -8,11 +8,13 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from ament_index_python.packages import get_package_share_directory
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import choice, instance, items, number, shown
+from dlo_planner.model.checks import choice, flag, instance, items, number, shown
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import (
     OBSTACLES,
@@ -20,12 +22,15 @@ from dlo_planner.model.obstacles import (
     Capsule,
     Cylinder,
     Ellipsoid,
+    Hull,
+    Mesh,
     Obstacle,
     Plane,
     Sheet,
     Sphere,
 )
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.triangles import MOST, read
 from dlo_planner.settings.yaml_files import load_yaml, yaml_of
 from msg_helpers.poses import header, pose_from_msg, pose_msg
 
@@ -34,7 +39,8 @@ _LONGEST = 10_000  # characters of a text
 _ROLES = ('all', 'workspace only')
 _ENDS = ('flat', 'round')
 _MARKERS = {'box': Marker.CUBE, 'ball': Marker.SPHERE, 'cylinder': Marker.CYLINDER}
-_SAID = ('friction', 'role', 'ends', 'cutouts')  # what the text of a marker may say
+_SAID = ('friction', 'role', 'ends', 'cutouts', 'smooth', 'hull')  # what a marker's text may say
+_FILE, _PACKAGE = 'file://', 'package://'
 
 
 class Body(NamedTuple):
@@ -50,10 +56,12 @@ def obstacles_after(known: Mapping[tuple[str, int], Body], msg: MarkerArray, fra
     """Return the dict of bodies, by (namespace, id), after a visualization_msgs/MarkerArray.
 
     CUBE is a Box, SPHERE a Sphere or an Ellipsoid, CYLINDER a Cylinder, ARROW the Plane from
-    whose surface it stands out. The text of a marker is empty, or YAML that says more: `{friction:
-    0.3}`, `{role: workspace only}`, `{ends: round}` (of a cylinder: a Capsule), `{cutouts: [{y: 0,
-    z: 0, radius: 0.01}]}` (of a cube: a Sheet, whose thickness is along x). DELETE takes one away,
-    DELETEALL all (of a namespace, if one is named). Those of role 'workspace only' come last.
+    whose surface it stands out, TRIANGLE_LIST and MESH_RESOURCE (`file://`, `package://`; in m,
+    times the marker's scale) a Mesh. The text of a marker is empty, or YAML that says more:
+    `{friction: 0.3}`, `{role: workspace only}`, `{ends: round}` (of a cylinder: a Capsule),
+    `{cutouts: [{y: 0, z: 0, radius: 0.01}]}` (of a cube: a Sheet, whose thickness is along x), of
+    triangles `{smooth: false}` and `{hull: true}` (the Hull of their corners). DELETE takes one
+    away, DELETEALL all (of a namespace, if one is named). Those of role 'workspace only' come last.
     """
     items('known', tuple(instance('known', known, dict).values()), Body)
     instance('msg', msg, MarkerArray)
@@ -92,6 +100,9 @@ def obstacles_msg(obstacles: Iterable[Obstacle], frame_id: str, stamp: Time | No
         marker = Marker(header=header(frame_id, stamp), ns='obstacles', id=index, type=kind,
                         action=Marker.ADD, pose=pose_msg(pose), text=yaml_of(said))
         marker.scale.x, marker.scale.y, marker.scale.z = map(float, size)
+        if isinstance(one, Mesh | Hull):
+            marker.points = [Point(x=x, y=y, z=z) for x, y, z in
+                             one.surface.vertices[one.surface.faces].reshape(-1, 3).tolist()]
         marker.color.r = marker.color.g = marker.color.b = marker.color.a = 0.5
         markers.append(marker)
     return MarkerArray(markers=markers)
@@ -108,6 +119,11 @@ def _drawn(obstacle: Obstacle) -> tuple[int, Pose, Iterable[float], dict[str, An
             if (value := getattr(one, name)) is not None}} for pose, one in local]
         return Marker.CUBE, obstacle.pose, (max(obstacle.thickness, 1e-9), obstacle.width,
                                             obstacle.height), {'cutouts': cutouts}
+    if isinstance(obstacle, Mesh):
+        return Marker.TRIANGLE_LIST, obstacle.pose, (1.0,) * 3, (
+            {} if obstacle.smooth else {'smooth': False})
+    if isinstance(obstacle, Hull):
+        return Marker.TRIANGLE_LIST, obstacle.pose, (1.0,) * 3, {'hull': True}
     body, *more = obstacle.solids
     if more and not isinstance(obstacle, Capsule):
         raise InvalidTask(f'{obstacle!r}: expected an obstacle that is one marker')
@@ -143,6 +159,10 @@ def _obstacle(marker: Marker, said: Mapping[str, Any], friction: float) -> Obsta
                               ('cutouts', Marker.CUBE, 'cube')):
         if key in said and marker.type != kind:
             raise InvalidTask(f'text: {key} = {shown(said[key])}: expected of a {called} alone')
+    of_triangles = marker.type in (Marker.TRIANGLE_LIST, Marker.MESH_RESOURCE)
+    for key in ('smooth', 'hull'):
+        if key in said and not of_triangles:
+            raise InvalidTask(f'text: {key} = {shown(said[key])}: expected of triangles alone')
     if marker.type == Marker.ARROW:
         if marker.points:
             raise InvalidTask('points: expected none, an arrow by its pose: a plane at its '
@@ -165,7 +185,44 @@ def _obstacle(marker: Marker, said: Mapping[str, Any], friction: float) -> Obsta
         kind = Capsule if choice('text: ends', said.get('ends', 'flat'),
                                  _ENDS) == 'round' else Cylinder
         return kind(pose.position - along, pose.position + along, x / 2, friction)
-    raise InvalidTask(f'type = {marker.type}: expected CUBE, SPHERE, CYLINDER or ARROW (a plane)')
+    if of_triangles:
+        return _of_triangles(marker, pose, size, said, friction)
+    raise InvalidTask(f'type = {marker.type}: expected CUBE, SPHERE, CYLINDER, ARROW (a plane), '
+                      'TRIANGLE_LIST or MESH_RESOURCE')
+
+
+def _of_triangles(marker: Marker, pose: Pose, scale: Any, said: Mapping[str, Any],
+                  friction: float) -> Mesh | Hull:
+    """Return the Mesh or the Hull of a marker with triangles, or with the name of their file."""
+    smooth = flag('text: smooth', said.get('smooth', True))
+    is_hull = flag('text: hull', said.get('hull', False))
+    if marker.type == Marker.MESH_RESOURCE:
+        surface = read(_path_of(marker.mesh_resource), 'm')
+        vertices, faces = scale * surface.vertices, surface.faces
+    else:
+        if not marker.points or len(marker.points) % 3 or len(marker.points) > 3 * MOST:
+            raise InvalidTask(f'points has {len(marker.points)} entries: expected three for each '
+                              f'triangle, of at most {MOST}')
+        vertices = scale * np.array([(point.x, point.y, point.z) for point in marker.points])
+        faces = np.arange(len(vertices)).reshape(-1, 3)
+    if is_hull:
+        return Hull(vertices, pose, friction)
+    return Mesh.mended(vertices, faces, pose, friction, smooth)
+
+
+def _path_of(resource: str) -> str:
+    """Return the path of a resource: `file://` and an absolute path, or `package://name/path`."""
+    if resource.startswith(_FILE + '/'):
+        return resource.removeprefix(_FILE)
+    package, _, path = resource.removeprefix(_PACKAGE).partition('/')
+    if not resource.startswith(_PACKAGE) or not path:
+        raise InvalidTask(f'mesh_resource = {shown(resource)}: expected file:///absolute/path or '
+                          'package://name/path')
+    try:
+        return f'{get_package_share_directory(package)}/{path}'
+    except (LookupError, OSError, ValueError) as error:
+        raise InvalidTask(f'mesh_resource = {shown(resource)}: expected a package that is '
+                          f'installed here, {error}') from None
 
 
 def _cutouts(pose: Pose, given: Any) -> list[CutOut]:

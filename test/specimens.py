@@ -9,6 +9,7 @@ import numpy as np
 
 import dlo_planner.identify
 import dlo_planner.penalties
+import dlo_planner.scene
 import dlo_planner.tasks
 from dlo_planner import (
     Box,
@@ -20,10 +21,12 @@ from dlo_planner import (
     Ellipsoid,
     FarEnd,
     HoldContact,
+    Hull,
     Insert,
     InverseSimulator,
     LayOnLine,
     Limits,
+    Mesh,
     Minimize,
     Observer,
     Plane,
@@ -62,6 +65,7 @@ from dlo_planner.penalties import (
     minimize_penalty,
 )
 from dlo_planner.rods import GraspedInside, Piecewise, Section
+from dlo_planner.scene import Scene
 from dlo_planner.tasks import Approach, MoveTo, PlanStatus, Requirements
 
 # For those who write tasks and penalties of their own: no values that are given or got.
@@ -69,11 +73,13 @@ _OWN = {'PlanBuilder', 'PlanContext', 'Sensitivity', 'Task', 'Value', 'Waypoint'
         'read_task', 'task_from_yaml', 'task_to_yaml', 'threading_of', 'waypoint_at', 'write_task'}
 PUBLIC = {name: getattr(module, name)
           for module in (dlo_planner, dlo_planner.tasks, dlo_planner.penalties,
-                         dlo_planner.identify)
+                         dlo_planner.identify, dlo_planner.scene)
           for name in module.__all__ if name not in _OWN}
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 DEPTHS = (0.0, 0.2)
 FAR = CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2)
+CORNERS = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+SIDES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 
 
 @cache
@@ -97,7 +103,9 @@ def values():
         Sphere((1, 0, 0), 0.1), Capsule((1, 0, 0), (2, 0, 0), 0.1),
         Cylinder((1, 0, 0), (2, 0, 0), 0.1), Box(LEVEL, (1, 2, 3)), Ellipsoid(LEVEL, (1, 2, 3)),
         PointLoad((0.0, 0.0, -1.0)), Piecewise(np.cos, (0.5,)),
-        Sheet.around(hole, 1.0, 1.0), FarEnd(LEVEL), simulator.simulate([LEVEL] * 3, 0.01),
+        Mesh(CORNERS, SIDES), Hull(CORNERS),
+        Sheet.around(hole, 1.0, 1.0), Scene([floor, Sheet.around(hole, 1.0, 1.0, name='lid')]),
+        FarEnd(LEVEL), simulator.simulate([LEVEL] * 3, 0.01),
         replay(simulator, plan), Limits(), Workspace((-9, -9, -9), keep_out=[floor]),
         shape.modes(2), solve_many(touching, [LEVEL]),
         Uncertainty(length=0.01), robustness(simulator, plan, Uncertainty(length=0.01), samples=2),
@@ -148,6 +156,11 @@ def arguments():
         'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'center': (0, 0, 0),
         'radius': 0.01, 'start': LEVEL, 'end': (0.0, 0.0, 0.0), 'size': (1.0, 1.0, 1.0),
         'half_axes': (1.0, 0.5, 0.5),
+        'vertices': CORNERS, 'faces': SIDES, 'smooth': True, 'unit': 'mm', 'Hull.points': CORNERS,
+        'Mesh.read.path': 'tetrahedron.obj', 'Scene.read.path': 'tetrahedron.obj',
+        'joints': {}, 'Scene.write.path': 'cell.scene', 'Scene.joined.other': known['Scene'],
+        'Scene.cutout.name': 'lid', 'Scene.turned.name': 'lid', 'notes': (),
+        'Scene.read.friction': 0.2, 'hulls': False,
         'Capsule.start': (1.0, 0.0, 0.0), 'Cylinder.start': (1.0, 0.0, 0.0), 'cutout': hole,
         # simulators
         'at': 0.4, 'hold_at': 0.4, 'DirectSimulator.part.direction': 1, 'gripper': LEVEL,
@@ -176,6 +189,8 @@ def arguments():
         'Plane.friction': 0.0, 'Sphere.friction': 0.0, 'Capsule.friction': 0.0,
         'Cylinder.friction': 0.0, 'Insert.friction': 0.2, 'InverseSimulator.insert.friction': 0.2,
         'Box.friction': 0.0, 'Ellipsoid.friction': 0.0, 'Sheet.friction': 0.0,
+        'Mesh.friction': 0.0, 'Mesh.read.friction': 0.0, 'Mesh.mended.friction': 0.0,
+        'Hull.friction': 0.0,
         'Sheet.around.friction': 0.0,
         'times': np.zeros(1), 'shapes': [shape], 'velocities': np.zeros((1, 9, 3)),
         'kinetic_energy': np.zeros(1), 'potential_energy': np.zeros(1), 'work': np.zeros(1),

@@ -8,7 +8,7 @@ import matplotlib
 import pytest
 from matplotlib import pyplot
 from misuse import MALFORMED, arguments_of, outcome, public_callables
-from specimens import arguments, values
+from specimens import CORNERS, SIDES, arguments, values
 
 PARTS = 4
 CALLABLES = {name: (function, kind) for name, function, kind in public_callables()}
@@ -41,6 +41,9 @@ def saved(tmp_path_factory):
         values()[name].save(folder / f'{file}.npz')
     for name in ('Fit', 'Robustness', 'Shapes'):
         values()[name].save(folder / f'{name}.json')
+    (folder / 'tetrahedron.obj').write_text(''.join(
+        [f'v {x} {y} {z}\n' for x, y, z in CORNERS]
+        + [f'f {a + 1} {b + 1} {c + 1}\n' for a, b, c in SIDES]))
     return folder
 
 

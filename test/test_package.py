@@ -23,7 +23,7 @@ from dlo_planner.kernels import WANTED
 
 ROOT = Path(__file__).parent.parent
 EXTRAS = ('dask', 'distributed', 'domain_coordinator', 'example_robot_data', 'importlinter',
-          'mujoco', 'pinocchio', 'playwright', 'rosbags', 'viser')
+          'mujoco', 'pinocchio', 'playwright', 'rosbags', 'trimesh', 'viser')
 COLLECT_WITHOUT_EXTRAS = f"""
 import sys
 sys.modules.update(dict.fromkeys({EXTRAS!r}))

@@ -39,10 +39,11 @@ from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number, row, vector
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import OBSTACLES, Capsule, Obstacle, Plane, Sheet
+from dlo_planner.model.obstacles import OBSTACLES, Capsule, Hull, Mesh, Obstacle, Plane, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import FarEnd
+from dlo_planner.model.triangles import hull, volume
 from dlo_planner.model.value import Value
 
 STEP = 2e-3      # s, of time in runs of the cell
@@ -63,6 +64,8 @@ _FINE = 4         # points per cell at which the plane of a hole is looked for
 _DIFFERENCE = 1e-5  # rad, step of difference quotients
 _SIDES = 24         # of the polygon around a round hole, which is up to 0.9 % wider than the hole
 _THINNEST = 1e-3    # m: a thinner sheet could be tunnelled through
+_CONVEX = 1e-6      # of the volume: a mesh that is that near to its hull is convex
+_MOST_PRISMS = 2000  # triangles of one that is not: each is a geom
 _HALF_PLANE = 10.0  # m
 
 Part = tuple[str, Sequence[float] | Floats, Floats, Floats]  # kind, size, center, rotation
@@ -403,11 +406,46 @@ def linear(model: Any, data: Any) -> tuple[Floats, Floats]:
 
 def add_obstacle(spec: mujoco.MjSpec, obstacle: Obstacle, number: int) -> None:
     """Add an obstacle to an MjSpec; the names of its geoms are 'number/part'."""
+    if isinstance(obstacle, Mesh | Hull):
+        _add_triangles(spec, number, obstacle)
+        return
     for part, (kind, size, center, rotation) in enumerate(_parts(obstacle)):
         spec.worldbody.add_geom(
             name=f'{number}/{part}', type=getattr(mujoco.mjtGeom, f'mjGEOM_{kind}'), size=size,
             pos=center, quat=np.roll(Rotation.from_matrix(rotation).as_quat(), 1),
             contype=SCENE, conaffinity=DLO, condim=3 if obstacle.friction else 1,
+            friction=(obstacle.friction, 0, 0))
+
+
+def _add_triangles(spec: Any, number: int, obstacle: Mesh | Hull) -> None:
+    """Add what consists of triangles: one convex geom, or a prism behind each triangle.
+
+    MuJoCo takes a mesh as its convex hull.
+    """
+    vertices, faces = obstacle.surface
+    whole = hull('obstacles', vertices)
+    convex = volume(*obstacle.surface) > (1.0 - _CONVEX) * volume(*whole)
+    if not convex and len(faces) > _MOST_PRISMS:
+        raise InvalidTask(f'obstacles[{number}] = {obstacle!r}: expected at most {_MOST_PRISMS} '
+                          'triangles of what is not convex in the cell; or Hulls, its convex parts')
+    solids = [whole.vertices]
+    if not convex:
+        a, b, c = (vertices[faces[:, k]] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        areas = 0.5 * np.linalg.norm(normals, axis=1)
+        corners = np.stack([a, b, c], axis=1)
+        # half as deep as a plate of this volume and surface is thick
+        depth = min(_THINNEST, volume(*obstacle.surface) / areas.sum())
+        inwards = -0.5 * depth * normals / areas[:, None]
+        solids = list(np.concatenate([corners, corners + inwards[:, None]], axis=1))
+    turned = np.roll(obstacle.pose.quaternion, 1)
+    for part, points in enumerate(solids):
+        name = f'{number}/{part}'
+        spec.add_mesh(name=name, uservert=np.ravel(points),
+                      inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
+        spec.worldbody.add_geom(
+            name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, pos=obstacle.pose.position,
+            quat=turned, contype=SCENE, conaffinity=DLO, condim=3 if obstacle.friction else 1,
             friction=(obstacle.friction, 0, 0))
 
 

@@ -20,13 +20,17 @@ from dlo_planner.cli.io import (
     POSE,
     POSES,
     READ,
+    SCENE_OPTIONS,
+    SCENES,
     VALUES,
     VECTOR,
     Bar,
     Described,
     checked,
     described,
+    joints_of,
     read_poses,
+    read_scene,
     write,
     write_table,
     written,
@@ -43,6 +47,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, doubts
 from dlo_planner.model.supports import FarEnd
+from dlo_planner.model.triangles import UNITS
 from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map
 from dlo_planner.parallel.capability import QUANTITIES
 from dlo_planner.plan.plan import Plan
@@ -54,7 +59,7 @@ from dlo_planner.settings.build import (
     refuse_grasped,
     tolerance_of,
 )
-from dlo_planner.settings.looks import UNITS, read_observations
+from dlo_planner.settings.looks import read_observations
 from dlo_planner.settings.tasks import plan_task, read_task
 from dlo_planner.settings.yaml_files import write_values
 from dlo_planner.signals import leave_to_parent
@@ -62,8 +67,8 @@ from dlo_planner.verify.replay import replay as replayed
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.summary import rod_line, rows_of
 
-_SHAPE_ENDINGS = (*PICTURES, *VALUES, '.csv', *POSES)
-_PLAN_ENDINGS = (*_SHAPE_ENDINGS, *FILMS)
+_PLAN_ENDINGS = (*PICTURES, *VALUES, '.csv', *POSES, *FILMS)
+_SHAPE_ENDINGS = (*PICTURES, *VALUES, '.csv', *POSES, *SCENES)
 _MAP_ENDINGS = (*PICTURES, '.csv')
 
 
@@ -77,7 +82,8 @@ _MAP_ENDINGS = (*PICTURES, '.csv')
 @click.option('--grip', type=click.Choice(['clamped', 'pinned', 'sleeve', 'aligned']),
               default='clamped', show_default=True, help='How the far end is held.')
 @written('.png .svg .pdf the picture, .npz .json the shape (Shape.load reads it), .csv its nodes, '
-         '.poses.yaml .poses.json geometry_msgs/Pose[] of its nodes')
+         '.poses.yaml .poses.json geometry_msgs/Pose[] of its nodes, .scene .xml the DLO as '
+         'capsules for MoveIt or MuJoCo')
 def shape(dlo: Described, grippers: tuple[Pose, ...], file: Path | None, far_end: Pose | None,
           grip: str, outputs: tuple[Path, ...]) -> None:
     """Predict the shape of a DLO for a pose of its gripper.
@@ -91,12 +97,14 @@ def shape(dlo: Described, grippers: tuple[Pose, ...], file: Path | None, far_end
       dlo-planner shape copper_wire --gripper 0,0,1
       dlo-planner shape rubber_hose -g 0,0,1,1,0,-1 -o hose.png -o hose.csv
       dlo-planner shape my_cable.yaml -g 0,0,1 --far-end 0.6,0,1 --grip clamped -o held.npz
-      dlo-planner shape copper_wire -g 0,0,1 -g 0,0,0.8 --obstacles table.yaml -o on_table.png
+      dlo-planner shape copper_wire -g 0,0,1 -g 0,0,0.8 --scene table.yaml -o on_table.png
+      dlo-planner shape copper_wire -g 0,0,1 --scene cell.xml -o wire.scene
 
     \b
     table.yaml:
-      - box: {pose: [0.5, 0, 0.3], size: [1.0, 1.0, 0.6], friction: 0.3}
+      - box: {name: table, pose: [0.5, 0, 0.3], size: [1.0, 1.0, 0.6], friction: 0.3}
       - sphere: {center: [0.4, 0, 0.7], radius: 0.05}
+      - file: {path: fixture.stl, unit: mm, pose: [0.4, 0.2, 0.6]}
 
     Exit code 3: the shape did not converge (it is written all the same, and says so).
     """
@@ -118,6 +126,43 @@ def shape(dlo: Described, grippers: tuple[Pose, ...], file: Path | None, far_end
         raise SystemExit(NO_SOLUTION)
 
 
+@click.command('scene')
+@click.argument('files', type=READ, nargs=-1, required=True)
+@SCENE_OPTIONS[3]
+@SCENE_OPTIONS[2]
+@SCENE_OPTIONS[1]
+@SCENE_OPTIONS[0]
+@click.option('--friction', type=float, default=0.0, show_default=True,
+              help='Of obstacles that state none.')
+@written('.png .svg .pdf the picture, .scene MoveIt, .xml MJCF, .yaml obstacles by their fields, '
+         'for --scene and scene.file')
+def scene(files: tuple[Path, ...], joints: tuple[str, ...], scene_at: Pose | None,
+          scene_unit: str | None, hulls: bool, friction: float,
+          outputs: tuple[Path, ...]) -> None:
+    """Read files of a cell, and list what stands in it: obstacles and cut-outs, in m.
+
+    FILES are MoveIt scenes (.scene), MJCF (.xml), URDF (.urdf), triangles (.stl .obj .ply .glb
+    .3mf) or YAML lists, what other commands take for --scene. A cut-out is listed as --hole takes
+    it. A plate with round or rectangular holes is known as such from its triangles, too.
+
+    \b
+    Examples:
+      dlo-planner scene cell.scene -o cell.png
+      dlo-planner scene fixture.stl --scene-unit mm --scene-at 0.4,0,1 -o fixture.yaml
+      dlo-planner scene gripper.urdf --joint finger_joint=0.02 -o gripper.scene
+    """
+    checked(outputs, (*PICTURES, *SCENES, '.yaml'))
+    found = read_scene(files, scene_unit, scene_at, joints_of(joints), friction, hulls=hulls,
+                       counted=False)
+    click.echo(replace(found, notes=()).summary())
+    for path in outputs:
+        if path.suffix.lower() in PICTURES:
+            found.plot().savefig(path, dpi=_DPI)
+        else:
+            found.write(path)
+        click.echo(f'wrote {path}')
+
+
 def planning(command: Any) -> Any:
     """Add the options of commands that plan."""
     for decorator in (
@@ -137,10 +182,11 @@ def planning(command: Any) -> Any:
 
 @click.command('thread')
 @described
-@click.option('--hole', 'holes', **POSE, multiple=True, required=True,
+@click.option('--hole', 'holes', multiple=True, required=True, metavar='X,Y,Z[,...]|NAME',
               help='Pose of a cut-out: its center and the direction in which the free end goes '
-              'through. May be repeated: passed one after the other.')
-@click.option('--radius', type=float, help='Of the holes, m, for clearances.')
+              'through; or its name in the scene, as "dlo-planner scene" lists it, NAME:back from '
+              'behind. May be repeated: passed one after the other.')
+@click.option('--radius', type=float, help='Of the holes that are poses, m, for clearances.')
 @click.option('--max-misalignment', type=float, help='Largest angle against the normal at which '
               'the DLO passes, rad; 0: along the normal. Of one hole, with a radius. Default: the '
               'parameter threading.max_misalignment.')
@@ -151,7 +197,7 @@ def planning(command: Any) -> Any:
               'beginning: what is in front of it is threaded. Default: the parameter '
               'rod.grasped_at.')
 @planning
-def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None,
+def thread(dlo: Described, holes: tuple[str, ...], radius: float | None,
            max_misalignment: float | None, margin: float | None, hold_at: float | None,
            start: Pose | None, deadline: float | None, **options: Any) -> None:
     """Plan the gripper poses that thread the free end through cut-outs.
@@ -168,6 +214,7 @@ def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None,
       dlo-planner thread rubber_hose --hole 0,0,1 --start -0.8,0,1 -p threading.standoff=-1 \\
           --prove
       dlo-planner thread rubber_hose --hole 0,0,1 --hold-at 0.4
+      dlo-planner thread rubber_hose --scene panel.stl --hole panel/0 --prove
 
     Exit code 3: there is no such plan (the reason is said, with the waypoint, the constraint and
     the amount), or with --prove it is not safe.
@@ -191,8 +238,25 @@ def thread(dlo: Described, holes: tuple[Pose, ...], radius: float | None,
             raise InvalidTask('--margin: expected --radius with it, the size of the holes')
     dlo = dlo._replace(values={**dlo.values, **{
         name: value for name, value in given.items() if value is not None}})
-    cutouts = [CutOut(pose, radius=radius) for pose in holes]
+    dlo, cutouts = _holes(dlo, holes, radius)
     _finish(dlo, _planned(dlo, threading_of(cutouts), start, deadline), **options)
+
+
+def _holes(dlo: Described, holes: Iterable[str],
+           radius: float | None) -> tuple[Described, list[CutOut]]:
+    """Return the cut-outs that are meant, and the cell in which they lead the way they are to."""
+    scene, cutouts = dlo.scene, []
+    for text in holes:
+        name, back, _ = text.partition(':back')
+        if name not in scene.cutout_names and ',' in text:
+            cutouts.append(CutOut(POSE['type'](text), radius=radius))
+            continue
+        if back:
+            scene = scene.turned(name)
+        cutouts.append(scene.cutout(name))
+    if scene is not dlo.scene:
+        dlo = dlo._replace(scene=scene, direct=dlo.direct.with_obstacles(scene.obstacles))
+    return dlo, cutouts
 
 
 @click.command('plan')
@@ -422,7 +486,7 @@ def identify(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pos
     another unit or frame. Parameters (-o x.yaml) are not written then.
     """
     checked(outputs, ('.yaml', '.csv'))
-    values, direct = dlo
+    values, direct = dlo.values, dlo.direct
     refuse_grasped(values, 'identify')
     observed = read_observations(observations, grippers, unit)
     with Bar('searches') as bar:
@@ -500,7 +564,7 @@ def map_cutouts(dlo: Described, outputs: tuple[Path, ...], jobs: int, axis: str,
     Exit code 3: none of them can be threaded.
     """
     checked(outputs, _MAP_ENDINGS)
-    values, direct = dlo
+    values, direct = dlo.values, dlo.direct
     refuse_grasped(values, 'map')
     places = np.stack(np.meshgrid(ranges['x'], ranges['y'], ranges['z'], indexing='ij'), axis=-1)
     grid = CellGrid(places.reshape(-1, 3), ranges['directions'], ranges['radii'])

@@ -21,7 +21,9 @@ from dlo_planner.settings.yaml_files import config_files
 _NEEDED = {'numpy': (1, 26), 'scipy': (1, 11), 'numba': (0, 62), 'toppra': (0, 6)}
 _EXTRAS = {  # extra -> (module, distribution, what it is for)
     'figures': ('matplotlib', 'matplotlib', 'pictures and films'),
+    'scene': ('trimesh', 'trimesh', 'files of a cell: STL, OBJ, ...; MJCF, URDF'),
     'view': ('viser', 'viser', 'the page in the browser'),
+    'mesh': ('trimesh', 'trimesh', 'meshes from files'),
     'cell': ('mujoco', 'mujoco', 'the cell: a physics engine'),
     'arm': ('pinocchio', 'pin', 'joints of a robot arm'),
     'cluster': ('distributed', 'distributed', 'many machines')}

@@ -5,10 +5,10 @@
 import csv
 import json
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
@@ -19,17 +19,16 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.extras import extra
-from dlo_planner.files import writable
-from dlo_planner.inverse.plain_tasks import FieldKind, from_plain
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import did_you_mean, shown, vector
-from dlo_planner.model.obstacles import OBSTACLES, Obstacle
+from dlo_planner.model.checks import vector
+from dlo_planner.model.files import writable
 from dlo_planner.model.plain_poses import pose_of, pose_of_numbers
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import doubts
+from dlo_planner.model.triangles import UNITS
 from dlo_planner.plan.plan import Plan
+from dlo_planner.scene import Scene
 from dlo_planner.settings.build import direct_of, grasped_of
-from dlo_planner.settings.looks import read_observations  # noqa: F401  (part of what files say)
 from dlo_planner.settings.yaml_files import read_values, read_yaml, yaml_of
 from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
@@ -59,19 +58,38 @@ VECTOR: dict[str, Any] = {'type': _vector, 'metavar': 'X,Y,Z'}
 READ = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
+SCENE_OPTIONS = (  # how files of a scene are read
+    click.option('--hulls', is_flag=True, help='Take triangles of it that do not enclose a solid '
+                 'as their convex hull.'),
+    click.option('--joint', 'joints', multiple=True, metavar='NAME=VALUE',
+                 help='Where a joint of an MJCF or URDF stands, m or rad; may be repeated.'),
+    click.option('--scene-at', **POSE, help='Where the frame of the scene stands in the world.'),
+    click.option('--scene-unit', type=click.Choice(list(UNITS)),
+                 help='Unit of its lengths. Default: what the file or its format says; of STL, '
+                 'OBJ and PLY, which say none, mm.'))
+
+
 def described(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the argument CONFIG and the options that say what the DLO and its surroundings are.
 
     What they describe, a Described, is the first argument of the command.
     """
     @wraps(command)
-    def reading(config: str, changes: tuple[str, ...], obstacles: Path | None,
-                **options: Any) -> object:
-        return command(read_described(config, changes, obstacles), **options)
+    def reading(config: str, changes: tuple[str, ...], scenes: tuple[Path, ...],
+                scene_unit: str | None, scene_at: Pose | None, joints: tuple[str, ...],
+                hulls: bool, **options: Any) -> object:
+        values, warnings = read_values(config, changes)
+        friction, stated = values['obstacles.friction'], values['scene.file']
+        scene = read_scene([Path(stated)] if stated else [], friction=friction).joined(
+            read_scene(scenes, scene_unit, scene_at, joints_of(joints), friction, hulls=hulls))
+        return command(read_described(values, warnings, scene), **options)
 
     for decorator in (
-            click.option('--obstacles', type=READ, metavar='FILE',
-                         help='YAML list of obstacles around the DLO: box, sphere, sheet, ...'),
+            *SCENE_OPTIONS,
+            click.option('--scene', '--obstacles', 'scenes', type=READ, metavar='FILE',
+                         multiple=True, help='What is around the DLO: a file of MoveIt (.scene), '
+                         'MJCF (.xml), URDF, triangles (.stl .obj .ply .glb .3mf), or a YAML list '
+                         'of obstacles (box, sphere, sheet, ..., file). May be repeated.'),
             click.option('-p', '--parameter', 'changes', multiple=True, metavar='NAME=VALUE',
                          help='A parameter that counts more than the file, as rod.length=0.8.'),
             click.argument('config')):
@@ -91,6 +109,7 @@ class Described(NamedTuple):
 
     values: dict[str, Any]  # Values of all parameters
     direct: DirectSimulator  # of the DLO held at its beginning
+    scene: Scene  # what is around it
 
     @property
     def held(self) -> Simulator:
@@ -103,13 +122,12 @@ class Described(NamedTuple):
         return rod_line(self.direct.rod, self.direct.gravity, self.values['rod.name'])
 
 
-def read_described(config: str, changes: tuple[str, ...], obstacles: Path | None) -> Described:
+def read_described(values: dict[str, Any], warnings: list[str], scene: Scene) -> Described:
     """Return what CONFIG and its options describe; warn of what has no effect or is doubtful."""
-    values, warnings = read_values(config, changes)
-    direct = direct_of(values, () if obstacles is None else read_obstacles(obstacles))
+    direct = direct_of(values, scene.obstacles)
     for warning in warnings + doubts(direct.rod, direct.gravity):
         click.echo(f'warning: {warning}', err=True)
-    return Described(values, direct)
+    return Described(values, direct, scene)
 
 
 class Bar:
@@ -156,33 +174,39 @@ def read_poses(path: Path) -> list[Pose]:
     return [pose_of(f'{path}[{k}]', one) for k, one in enumerate(content)]
 
 
-def read_obstacles(path: Path) -> tuple[Obstacle, ...]:
-    """Return the obstacles of a YAML file."""
-    content = read_yaml(path)
-    if not isinstance(content, list):
-        raise InvalidTask(f'{path}: expected a list of obstacles')
-    return tuple(_obstacle(f'{path}[{k}]', one) for k, one in enumerate(content))
+def read_scene(paths: Iterable[Path], unit: str | None = None, pose: Pose | None = None,
+               joints: Mapping[str, Any] | None = None, friction: float = 0.0, *,
+               hulls: bool = False, counted: bool = True) -> Scene:
+    """Return the Scene of files; say how much was read (`counted`) and how."""
+    scene = Scene()
+    for path in paths:
+        part = Scene.read(path, unit, pose=Pose.identity() if pose is None else pose,
+                          friction=friction, joints=joints, hulls=hulls)
+        if counted:
+            click.echo(f'{path}: {part.counts}', err=True)
+        for note in part.notes:
+            click.echo(f'note: {note}', err=True)
+        scene = scene.joined(part)
+    return scene
 
 
-def _obstacle(name: str, content: object) -> Obstacle:
-    """Return what {kind: {field: value}} says: the class in small letters, its fields."""
-    kind, given = next(iter(content.items())) if (
-        isinstance(content, dict) and len(content) == 1) else ('', None)
-    if kind not in _KINDS or not isinstance(given, dict):
-        raise InvalidTask(f'{name} = {shown(content)}: expected one of {", ".join(_KINDS)}, with '
-                          f'its values{did_you_mean(kind, _KINDS)}')
-    cls = _KINDS[kind]
-    if given.get('type', cls.__name__) != cls.__name__:
-        raise InvalidTask(f'{name}.{kind}.type = {shown(given["type"])}: expected none, its name '
-                          'says it')
-    return cast(Obstacle, from_plain(f'{name}.{kind}', given, expected=FieldKind(cls, False)))
-
-
-_KINDS = {one.__name__.lower(): one for one in OBSTACLES}
+def joints_of(given: Iterable[str]) -> dict[str, float]:
+    """Return what options NAME=VALUE say."""
+    joints = {}
+    for one in given:
+        name, sign, text = one.rpartition('=')
+        try:
+            joints[name] = float(text)
+        except ValueError:
+            sign = ''
+        if not sign or not name:
+            raise InvalidTask(f'--joint {one!r}: expected NAME=VALUE, in m or rad')
+    return joints
 
 
 PICTURES, FILMS, VALUES = ('.png', '.svg', '.pdf'), ('.gif', '.mp4'), ('.npz', '.json')
 POSES = ('.poses.yaml', '.poses.json')
+SCENES = ('.scene', '.xml')
 _DPI = 150
 
 Writable = Shape | Plan | Motion | ValidationReport | Trajectory
@@ -216,6 +240,8 @@ def write(value: Writable, outputs: Iterable[Path], rate: float = 50.0, **drawn:
             value.animate(path, **drawn)
         elif kind in VALUES:
             value.save(path)
+        elif kind in SCENES and isinstance(value, Shape):
+            Scene().with_dlo(value).write(path)
         else:
             write_table(path, *_table(value))
         click.echo(f'wrote {path}')

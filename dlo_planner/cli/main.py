@@ -38,6 +38,7 @@ _COMMANDS = {  # imported when they are called, so that --help is quick
     'replay': 'Prove a saved plan, at rest and in motion.',
     'identify': 'Find out what a DLO is like from points of it.',
     'map': 'Which cut-outs of a cell can be threaded.',
+    'scene': 'What stands in a cell, from the file of it.',
     'doctor': 'Check the installation, and say what to do.'}
 
 
@@ -133,6 +134,7 @@ def main(traceback: bool) -> None:
       dlo-planner thread copper_wire -p rod.diameter=0.0015 --hole 1,0.2,0.8,1,1,0 \\
           --radius 0.01 -o plan.npz -o plan.png -o gripper.poses.yaml
       dlo-planner replay copper_wire plan.npz -p rod.diameter=0.0015 -o report.png
+      dlo-planner scene cell.xml
       dlo-planner COMMAND --help        more about a command, with examples
 
     \b

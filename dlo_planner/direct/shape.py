@@ -389,8 +389,10 @@ class Shape(Pictured):
         """Return in words why no equilibrium was found, or '' where that is not known."""
         deepest = max(self.contacts, key=lambda contact: contact.penetration, default=None)
         if deepest is not None and deepest.penetration > _KEPT * self.s[-1]:
+            known = self.obstacles  # none of a shape from a file
+            name = known[deepest.obstacle].name if known else ''
             return (f'at s = {deepest.s:.4g} m the DLO is {deepest.penetration:.2g} m inside '
-                    f'obstacle {deepest.obstacle} and does not come out')
+                    f'{name or f"obstacle {deepest.obstacle}"} and does not come out')
         if self.far_end is None or self.state.mesh is None:
             return ''
         from dlo_planner.direct.taut import coarseness  # noqa: PLC0415  (SciPy: a free DLO needs none)

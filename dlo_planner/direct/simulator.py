@@ -94,7 +94,7 @@ class DirectSimulator(Value):
     load : array_like or callable, optional
         Further force per length, N/m, world axes: (3,), or a callable of s (m).
     obstacles : Iterable, optional
-        Plane, Sphere, Capsule, Cylinder, Box or Sheet, in any number.
+        Plane, Sphere, Capsule, Cylinder, Box, Ellipsoid, Sheet, Mesh or Hull, in any number.
     point_loads : Iterable, optional
         PointLoads, dead forces and moments at points.
     grip : str, optional

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.files import readable, writable
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import shown
+from dlo_planner.model.files import readable, writable
 from dlo_planner.model.pose import Pose
 
 _TYPES = {'f': 'float', 'i': 'int', 'u': 'int', 'b': 'bool', 'U': 'str'}  # by NumPy's kinds

@@ -4,9 +4,11 @@
 
 The motion between the two is taken as straight, point by point. Convex obstacles: an element is
 safe if it moves less than it is away, or if all of it stays above a plane that lies between it and
-the obstacle's middle. Sheets: nodes change sides of a face, and elements pierce it, only through a
-cut-out or around the border. Of a rectangular DLO all that holds for its edges; for the
-solid between them, where a round bar or an edge could pass, the plane has to be below all four.
+the obstacle's middle. Meshes: an element may go as far as it is away, and again from there; into
+one by no more than a point behind the triangle that it meets still knows its way out. Sheets:
+nodes change sides of a face, and elements pierce it, only through a cut-out or around the border.
+Of a rectangular DLO all that holds for its edges; for the solid between them, where a round bar or
+an edge could pass, the plane has to be below all four.
 """
 
 from __future__ import annotations
@@ -21,12 +23,29 @@ from dlo_planner.energy.gap import (
     radius_at_node,
     stretch,
 )
-from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, PLANE, SHEET, Scene, in_plane
+from dlo_planner.energy.scene import (
+    AXIS,
+    FACE,
+    MESH,
+    NODE_FACE,
+    PLANE,
+    SHEET,
+    Scene,
+    in_its_frame,
+    in_plane,
+)
+from dlo_planner.geometry.bvh import line_to_surface, nearest_on_surface
 from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.geometry.smooth_distance import smooth_distance
+from dlo_planner.geometry.so3 import matrix, rotation_vector, transposed_times
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 
 _FLUSH = 1e-9  # of the length: what is that near to a surface lies in it
+_SAG = 0.1     # of the radius: beside a mesh a piece bends by no more
+_PIECES = 16   # of an element there, at most
+_NEXT = 0.05   # of the radius: an axis that near to a triangle has met it
+_LEAPS = 200   # of a piece: what slides along for so long is not told to be free
 
 
 @kernel
@@ -46,6 +65,9 @@ def sweeps_through(scene: Scene, lengths: Floats, strains: Floats, rotations: Fl
         if scene.kind[o] == SHEET:
             if _through_sheet(scene, o, flush, _line(scene, o, rotations, old),
                               _line(scene, o, turned, new)):
+                return True
+        elif scene.kind[o] == MESH:
+            if _through_mesh(scene, o, farthest, lengths, strains, rotations, old, turned, new):
                 return True
         elif scene.kind[o] != PLANE and scene.feature[o] != NODE_FACE and _through_solid(
                 scene, o, flush, farthest, lengths, strains, rotations, old, turned, new):
@@ -148,6 +170,139 @@ def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, 
                 if above < -deep:
                     return True
     return False
+
+
+@kernel
+def _through_mesh(scene, o, farthest, lengths, strains, rotations, old, turned, new):
+    """Whether an element goes through a mesh; no node's axis moves by more than `farthest`."""
+    normal, hessian, offset, point = np.empty(3), np.empty((3, 3)), np.zeros(2), np.empty(3)
+    before, after, bend = np.empty((4, 3)), np.empty((4, 3)), np.empty((lengths.size, 3))
+    for e in range(lengths.size):
+        turn = rotation_vector(transposed_times(matrix(turned[e]), matrix(turned[e + 1])))
+        for i in range(3):
+            bend[e, i] = turn[i] / lengths[e]
+    simple = scene.feature[o] == AXIS and scene.radii.shape[0] == 0
+    clear = last_away = last_move = last_radius = 0.0
+    begin, last = node_range(scene, o, lengths.size)
+    for k in range(begin, last + 1):
+        if k > begin:
+            clear -= lengths[k - 1]
+        if simple and clear > 0.0:  # nothing gets so far
+            last_away, last_move, last_radius = np.inf, farthest, scene.radius
+            continue
+        radius = radius_at_node(scene, o, k)
+        move = _move(scene, o, k, rotations, old, turned, new, before, after)
+        # a smooth distance is never more than the exact one
+        away = gap_at(scene, o, rotations[k], old[k], 0.0, offset, point, normal, hessian)
+        clear = away - farthest - np.max(lengths)
+        e, near, moved = k - 1, min(away, last_away), max(move, last_move)
+        thick, last_away, last_move, last_radius = max(radius, last_radius), away, move, radius
+        # no point of an element is farther than half its length from one of its nodes
+        if k > begin and moved > near - 0.5 * lengths[e] * stretch(scene, o, strains[e]) and (
+                _element_enters(scene, o, e, thick, lengths, strains, rotations, old, bend, turned,
+                                new)):
+            return True
+    return False
+
+
+@kernel
+def _element_enters(scene, o, e, radius, lengths, strains, rotations, old, bend, turned, new):
+    """Whether element e goes through a mesh; bend: (N, 3) strains of the new shape.
+
+    It is looked at in pieces, so short that each is nearly straight.
+    """
+    most = 0.0
+    for i in range(1, 3):
+        most += max(strains[e, i] ** 2, bend[e, i] ** 2)
+    sag = 0.125 * np.sqrt(most) * lengths[e] ** 2 * stretch(scene, o, strains[e])
+    pieces = min(1 + int(np.sqrt(sag / (_SAG * radius))), _PIECES) if radius > 0.0 else _PIECES
+    sag /= pieces**2
+    ends = np.empty((2, 2, 3))  # of a piece, before and after, in the frame of the body
+    for piece in range(pieces + 1):
+        ends[0] = ends[1]
+        _place_in_frame(scene, o, lengths, strains, rotations, old, e, piece / pieces, ends[1, 0])
+        _place_in_frame(scene, o, lengths, bend, turned, new, e, piece / pieces, ends[1, 1])
+        if piece and _piece_enters(scene, o, ends, sag, radius):
+            return True
+    return False
+
+
+@kernel
+def _place_in_frame(scene, o, lengths, strains, rotations, positions, e, fraction, place):
+    """Fill place (3,) with a point of element e, in the frame of body `o`."""
+    rotation, x = np.empty((3, 3)), np.empty(3)
+    point_inside(lengths, strains, rotations, positions, e, fraction, rotation, x)
+    for i in range(3):
+        x[i] += scene.origin[i]
+        if scene.feature[o] != AXIS:
+            x[i] += rotation[i, 1] * scene.offset[o, 0] + rotation[i, 2] * scene.offset[o, 1]
+    in_its_frame(scene, o, x, place)
+
+
+@kernel
+def _piece_enters(scene, o, ends, sag, radius):
+    """Whether a piece that is straight to within `sag` goes through a mesh.
+
+    Its axis goes on as far as it is away. Where it meets a triangle it may go deeper by a quarter
+    of how thick the solid is there, and half the DLO's radius; what is deep already may come out.
+
+    Args:
+        ends: (2, 2, 3) both ends, each before and after
+    """
+    trees, root = scene.trees, scene.root[o]
+    p, q, middle, move = np.empty(3), np.empty(3), np.empty(3), 0.0
+    normal, hessian = np.empty(3), np.empty((3, 3))
+    for end in range(2):
+        square = 0.0
+        for i in range(3):
+            square += (ends[end, 1, i] - ends[end, 0, i]) ** 2
+        move = max(move, np.sqrt(square))
+    if move == 0.0:
+        return False
+    gone = 0.0
+    for _ in range(_LEAPS):
+        for i in range(3):
+            p[i] = ends[0, 0, i] + gone / move * (ends[0, 1, i] - ends[0, 0, i])
+            q[i] = ends[1, 0, i] + gone / move * (ends[1, 1, i] - ends[1, 0, i])
+        if scene.smooth[o] >= 0:  # which is never more than the exact one, and costs less
+            length = 0.0
+            for i in range(3):
+                length += (q[i] - p[i]) ** 2
+                middle[i] = 0.5 * (p[i] + q[i])
+            about = smooth_distance(scene.grids, scene.smooth[o], middle, normal, hessian)
+            about -= 0.5 * np.sqrt(length) + sag
+            if radius < about < np.inf:
+                gone += about
+                if gone >= move:
+                    return False
+                continue
+        away, met = line_to_surface(trees, root, p, q, move - gone + 2.0 * sag)
+        if met < 0:
+            return False
+        if away - sag <= _NEXT * radius:
+            deep = 0.5 * (trees.inner[met] + radius)
+            return move - gone > deep and not _comes_out(trees, root, ends)
+        gone += away - sag
+        if gone >= move:
+            return False
+    return True
+
+
+@kernel
+def _comes_out(trees, root, ends):
+    """Whether both ends of a piece are in a surface, and less deep after a motion."""
+    place = np.empty(3)
+    for end in range(2):
+        depths = np.empty(2)
+        for k in range(2):
+            t, feature, square = nearest_on_surface(trees, root, ends[end, k], np.inf, place)
+            out = 0.0
+            for i in range(3):
+                out += (ends[end, k, i] - place[i]) * trees.normal[t, feature, i]
+            depths[k] = np.sqrt(square) if out < 0.0 else -np.sqrt(square)
+        if depths[0] <= 0.0 or depths[1] >= depths[0]:
+            return False
+    return True
 
 
 @kernel

@@ -8,13 +8,16 @@ height beyond the faces and the room to the hole's wall in the plane. Along a li
 distance from a point, and the room is concave: it stays above its chord. So the distance stays
 above that of a segment in the plane of both numbers from a quadrant, which is closed form. It may
 be said of each hole, and of the sheet without any; the largest one counts.
+
+Of a mesh the distance of the line from the triangles is known, where both its ends are outside.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.scene import Scene, from_faces, from_rectangle
+from dlo_planner.energy.scene import Scene, from_faces, from_rectangle, in_its_frame
+from dlo_planner.geometry.bvh import line_to_surface
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 
@@ -37,11 +40,8 @@ def lowest_of_tangents(first: float, slope: float, second: float, other: float) 
 def sheet_bound(scene: Scene, o: int, x: Floats, y: Floats) -> float:
     """Return a lower bound in m of `signed_distance` from layer `o` between x and y (3,), world."""
     p, q = np.empty(3), np.empty(3)
-    for i in range(3):
-        p[i] = q[i] = 0.0
-        for j in range(3):
-            p[i] += scene.axes[o, j, i] * (x[j] - scene.center[o, j])
-            q[i] += scene.axes[o, j, i] * (y[j] - scene.center[o, j])
+    in_its_frame(scene, o, x, p)
+    in_its_frame(scene, o, y, q)
     half = scene.size[o, 0]
     bound = _bound(scene, o, p, q, 0.0, half)
     if half > 0.0 and bound <= 2.0 * half:  # in the other layer's material both are as deep
@@ -49,6 +49,25 @@ def sheet_bound(scene: Scene, o: int, x: Floats, y: Floats) -> float:
         if whole <= 0.0:
             bound = min(bound, whole)
     return bound
+
+
+@kernel
+def mesh_bound(scene: Scene, o: int, x: Floats, away: float, y: Floats, other: float) -> float:
+    """Return a lower bound in m of the exact distance from mesh `o` between x and y (3,), world.
+
+    Args:
+        away, other: the distances of x and y, m
+    """
+    p, q, length = np.empty(3), np.empty(3), 0.0
+    for i in range(3):
+        length += (y[i] - x[i]) ** 2
+    bound = 0.5 * (away + other - np.sqrt(length))
+    if away <= 0.0 or other <= 0.0:
+        return bound
+    in_its_frame(scene, o, x, p)
+    in_its_frame(scene, o, y, q)
+    line, _ = line_to_surface(scene.trees, scene.root[o], p, q, min(away, other))
+    return max(bound, line) if line > 0.0 else bound  # 0: it is inside in between
 
 
 @kernel

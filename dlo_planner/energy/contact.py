@@ -21,7 +21,7 @@ from dlo_planner.energy.gap import (
     taper,
 )
 from dlo_planner.energy.grip import holds
-from dlo_planner.energy.scene import AXIS, NODE_FACE, SHEET, Scene, signed_distance
+from dlo_planner.energy.scene import AXIS, NODE_FACE, Scene, is_convex, signed_distance
 from dlo_planner.geometry.kinematics import clear_point, point_inside, sort_points, spring_at
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
@@ -185,7 +185,7 @@ def _near(scene, o, lengths, positions, before):
         if not gap > 0.0:
             return True
         # all of a convex body is behind the plane that touches it where it is nearest
-        if (scene.kind[o] == SHEET or gap + back <= 0.0) and not _clear_way(
+        if (not is_convex(scene, o) or gap + back <= 0.0) and not _clear_way(
                 scene, o, x, shift, around, normal, hessian):
             return True
     return False

@@ -6,11 +6,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.chords import lowest_of_tangents, sheet_bound
+from dlo_planner.energy.chords import lowest_of_tangents, mesh_bound, sheet_bound
 from dlo_planner.energy.scene import (
     AXIS,
     EDGE,
     FACE,
+    MESH,
     NODE_FACE,
     PLANE,
     SHEET,
@@ -334,6 +335,9 @@ def least_gap(scene, o, e, low, high, below, exact, lengths, strains, rotations,
         _slopes(scene, o, here, top, radii, places, normals, sides, slopes)
         if scene.kind[o] == SHEET:
             least = sheet_bound(scene, o, places[here], places[top]) - max(radii[here], radii[top])
+        elif scene.kind[o] == MESH:
+            least = mesh_bound(scene, o, places[here], gaps[here] + radii[here], places[top],
+                               gaps[top] + radii[top]) - max(radii[here], radii[top])
         else:
             least = lowest_of_tangents(gaps[here], slopes[0], gaps[top], slopes[1])
         least -= 0.125 * bend * width * width
@@ -451,6 +455,8 @@ _LEAST = 1e-15  # the same: a step that is no step any more
 _CLOSE = 1e-8   # of an element: a minimum that is less by no more is the same
 _APART = 1e-6   # the same: two minima that are no farther apart are one
 _ENTERED = 1e-6  # the same: where a point begins to roll that comes in through a node
+_PARTS = 4       # of an element beside a mesh that is looked at before minima are sought
+_LOOKS = 8       # along an element beside a mesh
 
 
 @kernel
@@ -508,12 +514,16 @@ def closest_point_in_element(scene, o, e, begin, lengths, strains, rotations, po
                              hessian):
     """Return gap and fraction of the point of element e that is nearest to obstacle o.
 
-    Where the gap may have several minima, beside a hole, it is the one next to the fraction `begin`
-    of the element or, if that is 0, the least of all. Fills normal (3,) and hessian (3, 3) of the
+    Where the gap may have several minima, beside a hole or a mesh, it is the one next to the
+    fraction `begin` of the element or, if that is 0, the least of all (of a mesh, of those looked
+    at). Fills normal (3,) and hessian (3, 3) of the
     distance there.
     """
-    gap, fraction = _minimum_from(scene, o, e, begin if begin > 0.0 else 0.5, lengths, strains,
-                                  rotations, positions, normal, hessian)
+    start = begin if begin > 0.0 else 0.5
+    if begin <= 0.0 and scene.kind[o] == MESH:
+        start = _lowest_look(scene, o, e, 0.0, 1.0, lengths, strains, rotations, positions)
+    gap, fraction = _minimum_from(scene, o, e, start, lengths, strains, rotations, positions,
+                                  normal, hessian)
     if begin > 0.0 or scene.kind[o] != SHEET or scene.feature[o] == NODE_FACE:
         return gap, fraction
     close = _CLOSE * lengths[e]
@@ -531,24 +541,74 @@ def minima_in_element(scene, o, e, lengths, strains, rotations, positions, gaps,
 
     Beside a hole of a sheet there may be one before and one behind the place where the element is
     nearest to the hole's axis: to both sides of it a straight line has no more than one. Minima at
-    the ends of an element are not counted. Beside a convex body there is one if any: a second one
-    would need an element that bends away from two edges, and that is less deep than it bends there.
+    the ends of an element are not counted. Beside a mesh each half of the element is looked at;
+    what is nearer together than half an element is one. Beside a convex body there is one if any:
+    a second one would need an element that bends away from two edges, and that is less deep than it
+    bends there.
     """
     normal, hessian = np.empty(3), np.empty((3, 3))
     count, middle, where, close = 0, 1.0, 0.5, _CLOSE * lengths[e]
     if scene.kind[o] == SHEET:
         middle = _nearest_to_axis(scene, o, e, positions)
+    elif scene.kind[o] == MESH:
+        middle = 0.5
     for part in range(2 if middle < 1.0 else 1):
         if scene.kind[o] == SHEET:
             low, high = (0.0, min(middle, 1.0)) if part == 0 else (middle, 1.0)
             _, where, _ = least_gap(scene, o, e, low, high, np.inf, close, lengths, strains,
                                     rotations, positions)
+        elif scene.kind[o] == MESH:
+            where = _lowest_look(scene, o, e, 0.5 * part, 0.5 * (part + 1), lengths, strains,
+                                 rotations, positions)
+            if part == 1 and where == 0.5:  # it falls on into the first half
+                continue
         gap, fraction = _minimum_from(scene, o, e, where, lengths, strains, rotations, positions,
                                       normal, hessian)
         if 0.0 < fraction < 1.0 and (count == 0 or fraction - fractions[0] > _APART):
             gaps[count], fractions[count] = gap, fraction
             count += 1
     return count
+
+
+@kernel
+def _lowest_look(scene, o, e, low, high, lengths, strains, rotations, positions):
+    """Return the fraction between two of element e with the least gap, of some that are looked at.
+
+    Where the gap is large the next ones are left out: it changes by no more than the place does.
+    """
+    normal, hessian = np.empty(3), np.empty((3, 3))
+    step, at, least, where = 1.0 / _LOOKS, low, np.inf, low
+    size = lengths[e] * stretch(scene, o, strains[e])
+    while True:
+        gap = gap_inside(scene, o, e, at, lengths, strains, rotations, positions, normal, hessian)
+        if gap < least:
+            least, where = gap, at
+        if at >= high:
+            break
+        at = min(at + max(step, (gap - least) / size), high)
+    return where
+
+
+@kernel
+def clear_between(scene, o, e, first, second, lengths, strains, rotations, positions):
+    """Whether element e is told not to touch body `o` between its nodes, whose gaps are given, m.
+
+    No gap is less than half of what two of them exceed the way between them by.
+    """
+    normal, hessian = np.empty(3), np.empty((3, 3))
+    way = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
+    if first + second >= way:
+        return True
+    last = first
+    for part in range(1, _PARTS + 1):
+        gap = second
+        if part < _PARTS:
+            gap = gap_inside(scene, o, e, part / _PARTS, lengths, strains, rotations, positions,
+                             normal, hessian)
+        if last + gap < way / _PARTS:
+            return False
+        last = gap
+    return True
 
 
 @kernel

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import lru_cache
 from itertools import product
 from typing import Any, NamedTuple, TypeAlias
 
@@ -13,19 +14,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.geometry.bvh import Tree, Trees, joined, signed_from_surface, tree_of
 from dlo_planner.geometry.record import Record, replaced
+from dlo_planner.geometry.smooth_distance import Grid, Grids, grids_of, smooth_distance
+from dlo_planner.geometry.smooth_distance import joined as joined_grids
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import Body, Box, Obstacle, Sheet
+from dlo_planner.model.obstacles import Body, Box, Hull, Mesh, Obstacle, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Surface
 
-KINDS = ('plane', 'sphere', 'capsule', 'box', 'sheet', 'cylinder', 'ellipsoid')
-PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER, ELLIPSOID = range(len(KINDS))
+KINDS = ('plane', 'sphere', 'capsule', 'box', 'sheet', 'cylinder', 'ellipsoid', 'hull', 'mesh')
+PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER, ELLIPSOID, HULL, MESH = range(len(KINDS))
 AXIS, EDGE, FACE, NODE_FACE = range(4)
 _SMOOTH = (PLANE, SPHERE, CAPSULE, ELLIPSOID)  # edges of a section need not be rounded there
 _BY_SECTIONS = (PLANE, SPHERE, CAPSULE, BOX, SHEET)  # what its edges and faces are watched against
+_REMEMBERED = 8    # trees over triangles, the last ones; one over 10^5 has 25 MB
 _MOST_SLOTTED = 2  # rectangular cut-outs of a sheet: each doubles its bodies
 _ROUNDING = 0.02  # of the smaller half size: of a section's edges where an obstacle has edges
 _ALL = (0, 2**31)  # nodes
@@ -44,7 +49,7 @@ class Scene(Record):
     """
 
     source: Ints  # (M,) index of the obstacle that a body is (part of)
-    kind: Ints  # (M,) PLANE ... ELLIPSOID
+    kind: Ints  # (M,) PLANE ... MESH
     axes: Floats  # (M, 3, 3) columns x, y, z of the obstacle's frame
     center: Floats  # (M, 3) center in m, world
     # (M, 3) half sizes along the axes, m. A sphere's or capsule's radius is the last one, a
@@ -67,6 +72,10 @@ class Scene(Record):
     # (N, 2) radius of the DLO at both ends of its elements, m; (0, 2): `radius` everywhere
     radii: Floats
     inner: Floats  # (M,) of a convex body: how deep in it a point still knows its way out, m
+    root: Ints  # (M,) of a hull or a mesh: the box of `trees` around it; else -1
+    trees: Trees  # their triangles
+    smooth: Ints  # (M,) of a mesh that is touched smoothly: its number among `grids`; else -1
+    grids: Grids  # their smooth distances
 
 
 @kernel
@@ -104,8 +113,17 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
         surface = Surface(float(surface))
     rims = [] if s is None else surface.rims(np.asarray(s))
     rows: list[tuple[Any, ...]] = []
+    trees: list[Tree] = []
+    grids: list[Grid] = []
+    radii = _least_and_largest(surface, s)
     holes: list[tuple[int, Floats, Floats, Floats]] = []
     for source, obstacle in enumerate(obstacles):
+        if isinstance(obstacle, Mesh | Hull):
+            trees.append(_tree(obstacle))
+        smooth = isinstance(obstacle, Mesh) and obstacle.smooth and not sharp and radii[0] > 0.0
+        if smooth:
+            first_grid = len(grids)
+            grids += _grids(obstacle, radii)
         for body, cutouts in _bodies(obstacle, surface.half is not None):
             kind = KINDS.index(body.kind)
             if surface.half is not None and kind not in _BY_SECTIONS:
@@ -115,11 +133,14 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
             for feature in _features(kind, body, surface, rims, sharp):
                 holes += [(len(rows), *_hole(body.pose, cutout)) for cutout in cutouts]
                 rows.append((source, kind, body.pose.rotation, body.pose.position, body.size,
-                             obstacle.friction, *feature, body.inner))
+                             obstacle.friction, *feature, body.inner,
+                             -1 if body.surface is None else len(trees) - 1,
+                             first_grid if smooth else -1))
 
     def column(index: int, *shape: int, dtype: type = float) -> Any:
         return np.array([row[index] for row in rows], dtype=dtype).reshape(-1, *shape)
 
+    forest, roots = joined(trees)
     return Scene(column(0, dtype=np.int64), column(1, dtype=np.int64), column(2, 3, 3),
                  column(3, 3), column(4, 3), column(5),
                  np.array([hole[0] for hole in holes], dtype=np.int64),
@@ -127,7 +148,29 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
                    for k in (1, 2, 3)),
                  surface.radius, np.zeros(3), column(6, dtype=np.int64), column(7, 2), column(8),
                  column(9, 2, dtype=np.int64),
-                 np.zeros((0, 2)) if s is None else surface.radii(np.asarray(s)), column(10))
+                 np.zeros((0, 2)) if s is None else surface.radii(np.asarray(s)), column(10),
+                 np.array([roots[row[11]] if row[11] >= 0 else -1 for row in rows],
+                          dtype=np.int64), forest, column(12, dtype=np.int64), joined_grids(grids))
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _tree(obstacle: Mesh | Hull) -> Tree:
+    """Return the tree over the triangles of an obstacle; many scenes are made of the same ones."""
+    return tree_of(obstacle.surface)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _grids(obstacle: Mesh, radii: tuple[float, float]) -> list[Grid]:
+    """Return the smooth distance from a mesh for a DLO with radii between two, m."""
+    return grids_of(joined([_tree(obstacle)])[0], radii)
+
+
+def _least_and_largest(surface: Surface, s: Floats | None) -> tuple[float, float]:
+    """Return between which two the radius of a DLO is, m."""
+    radii = np.zeros((0, 2)) if s is None else surface.radii(np.asarray(s))
+    if not radii.size:
+        return surface.radius, surface.radius
+    return float(radii.min()), float(radii.max())
 
 
 def _bodies(obstacle: Obstacle, edged: bool) -> Iterator[tuple[Body, tuple[CutOut, ...]]]:
@@ -257,6 +300,12 @@ def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, hessian: Fl
         distance = _from_cylinder(p, scene.size[o, 0], scene.size[o, 1], local, curved)
     elif kind == ELLIPSOID:
         distance = _from_ellipsoid(p, scene.size[o], local, curved)
+    elif kind in (HULL, MESH):
+        distance = np.inf
+        if scene.smooth[o] >= 0:
+            distance = smooth_distance(scene.grids, scene.smooth[o], p, local, curved)
+        if distance == np.inf:
+            distance = signed_from_surface(scene.trees, scene.root[o], p, np.inf, local, curved)
     else:
         distance = _from_sheet(scene, o, p, local, curved)
     for i in range(3):
@@ -266,6 +315,21 @@ def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, hessian: Fl
         for j in range(3):
             hessian[i, j] = axes[j, 0] * v[0] + axes[j, 1] * v[1] + axes[j, 2] * v[2]
     return distance
+
+
+@kernel
+def is_convex(scene, o):
+    """Return whether all of body `o` is behind the plane that touches it at its nearest point."""
+    return scene.kind[o] != SHEET and scene.kind[o] != MESH
+
+
+@kernel
+def in_its_frame(scene, o, x, p):
+    """Fill p (3,) with the world point x (3,) in the frame of body `o`."""
+    for i in range(3):
+        p[i] = 0.0
+        for j in range(3):
+            p[i] += scene.axes[o, j, i] * (x[j] - scene.center[o, j])
 
 
 @kernel(forceinline=True)

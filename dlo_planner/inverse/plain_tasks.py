@@ -19,8 +19,8 @@ import numpy as np
 from dlo_planner.direct.shape import Shape, pack, unpack
 from dlo_planner.direct.storage import NOT_FINITE, array_of, described, flattened, nested
 from dlo_planner.errors import InvalidRod, InvalidTask
-from dlo_planner.files import readable, writable
 from dlo_planner.model.checks import did_you_mean, known_keys, shown
+from dlo_planner.model.files import readable, writable
 from dlo_planner.model.plain_poses import pose_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import FrozenDict, Value

@@ -16,6 +16,7 @@ obstacle's. Both nodes and the middle carry it then.
 import numpy as np
 
 from dlo_planner.energy.gap import (
+    clear_between,
     closest_point,
     follow_closest_point,
     gap_at,
@@ -30,7 +31,7 @@ from dlo_planner.energy.gap import (
     slope_along,
     taper,
 )
-from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, SHEET
+from dlo_planner.energy.scene import AXIS, FACE, MESH, NODE_FACE, is_convex
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import with_contacts_of, with_springs
@@ -252,9 +253,13 @@ def contact_candidates(system, state, places):
             if (hugs[e] or e > 0 and hugs[e - 1] and _presses(system, o, e, gaps)
                     or e + 1 < n and hugs[e + 1] and _presses(system, o, e + 1, gaps)):
                 continue
-            beside_hole = scene.kind[o] == SHEET
+            winding = not is_convex(scene, o)
+            if scene.kind[o] == MESH and clear_between(
+                    scene, o, e, gaps[e], gaps[e + 1], system.lengths, state.strains,
+                    state.rotations, state.positions):
+                continue
             grows = taper(scene, o, e) / system.lengths[e]
-            if (not beside_hole
+            if (not winding
                     and (_slope(state.rotations[e], state.strains[e], offsets[e],
                                 normals[e]) >= grows
                          or _slope(state.rotations[e + 1], state.strains[e], offsets[e + 1],
@@ -276,7 +281,7 @@ def contact_candidates(system, state, places):
                 sharp = curve * system.lengths[e] ** 2 > _SHARP * sag or gap < near - sag
                 if sharp or gap < near - level and not _lies(pushed[o], gaps, e):
                     points[count, 0], points[count, 1] = e, o
-                    fixed[count] = -fraction if beside_hole else 0.0
+                    fixed[count] = -fraction if winding else 0.0
                     count += 1
     return points[:count], fixed[:count]
 

@@ -3,12 +3,17 @@
 """The bodies that a step can meet: a DLO does not stretch, so it stays within its length.
 
 Contacts of a search are arrays over all of its bodies. A cell has many that no DLO in this gripper
-can reach; they are left out while the search lasts, and are there again in what it returns.
+can reach; they are left out while the search lasts, and are there again in what it returns. Where a
+DLO goes on bearing as it is moved a little, those are left out too that it would come near only if
+it moved by more; whether it did is looked at when the search has ended.
 """
+
+from typing import Any
 
 import numpy as np
 
 from dlo_planner.energy.contact import ContactSet
+from dlo_planner.energy.gap import next_touching
 from dlo_planner.energy.problem import Problem
 from dlo_planner.energy.scene import Scene, signed_distance
 from dlo_planner.geometry.record import replaced
@@ -35,6 +40,46 @@ def bodies_in_reach(system: Problem, before: Floats) -> Ints:
             found[count] = o
             count += 1
     return found[:count].copy()
+
+
+@kernel
+def bodies_near(system: Problem, before: Floats, bodies: Ints, margin: float) -> Ints:
+    """Return those of `bodies` (m,) that a DLO at places `before` is less than `margin` m from.
+
+    Shapes: before (n, 6), of all nodes, m from the gripper, and tangents; none: all are returned.
+    """
+    if before.shape[0] != system.lengths.size + 1:
+        return bodies
+    scene = system.effects.contact.scene
+    found, count, nobody = np.empty(bodies.size, np.int64), 0, np.zeros(before.shape[0])
+    x, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
+    for o in bodies:
+        # no point of an element is farther than half its length from one of its nodes
+        around = (margin + scene.radius + scene.rounding[o] + 0.5 * np.max(system.lengths)
+                  + np.sqrt(np.sum(scene.offset[o] ** 2)))
+        k = 0
+        while k < before.shape[0]:
+            for i in range(3):
+                x[i] = scene.origin[i] + before[k, i]
+            gap = signed_distance(scene, o, x, normal, hessian) - around
+            if gap <= 0.0:
+                found[count] = o
+                count += 1
+                break
+            k = next_touching(system.lengths, nobody, k, gap)
+    return found[:count].copy()
+
+
+@kernel
+def stays_within(margin: float, before: Floats, positions: Floats) -> bool:
+    """Whether no node has moved by more than `margin` m from places `before` (n, 6)."""
+    for k in range(before.shape[0]):
+        square = 0.0
+        for i in range(3):
+            square += (positions[k, i] - before[k, i]) ** 2
+        if square > margin * margin:
+            return False
+    return True
 
 
 @kernel
@@ -76,19 +121,41 @@ def _part(scene: Scene, bodies: Ints, number: Ints) -> Scene:
         'hole_center', scene.hole_center[holes], 'hole_axis', scene.hole_axis[holes],
         'hole_size', scene.hole_size[holes], 'feature', scene.feature[bodies],
         'offset', scene.offset[bodies], 'rounding', scene.rounding[bodies],
-        'span', scene.span[bodies], 'inner', scene.inner[bodies])
+        'span', scene.span[bodies], 'inner', scene.inner[bodies], 'root', scene.root[bodies],
+        'smooth', scene.smooth[bodies])
 
 
 @kernel
 def among_all(system: Problem, found: Problem, bodies: Ints) -> Problem:
     """Return the Problem `found`, of `bodies` (m,) alone, among all that `system` has."""
     contacts = found.effects.contact.contacts
-    node = np.zeros_like(system.effects.contact.contacts.node)
-    for k in range(bodies.size):
-        node[bodies[k]] = contacts.node[k]
-    obstacle = contacts.obstacle.copy()
-    for c in range(obstacle.size):
-        o = obstacle[c]
-        obstacle[c] = bodies[o] if o >= 0 else -1 - bodies[-1 - o]
+    node = _spread_over(contacts.node, bodies, system.effects.contact.scene.kind.size)
+    obstacle = _renumbered(contacts.obstacle, bodies)
     return with_contacts(found, replaced(contacts, 'node', node, 'obstacle', obstacle),
                          system.effects.contact.scene)
+
+
+@kernel
+def forces_among_all(forces: Any, bodies: Ints, count: int) -> Any:
+    """Return what `forces_after` does of `bodies` (m,) alone, among all `count` that there are."""
+    return (_spread_over(forces[0], bodies, count), forces[1],
+            _renumbered(forces[2], bodies)) + forces[3:]
+
+
+@kernel
+def _spread_over(node, bodies, count):
+    """Return (count, N + 1) forces on nodes, of which `node` (m, N + 1) has those of `bodies`."""
+    result = np.zeros((count, node.shape[1]))
+    for k in range(bodies.size):
+        result[bodies[k]] = node[k]
+    return result
+
+
+@kernel
+def _renumbered(obstacle, bodies):
+    """Return (C,) the bodies of points, and of points of friction, by their numbers among all."""
+    result = obstacle.copy()
+    for c in range(result.size):
+        o = result[c]
+        result[c] = bodies[o] if o >= 0 else -1 - bodies[-1 - o]
+    return result

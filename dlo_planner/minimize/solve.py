@@ -42,9 +42,18 @@ from dlo_planner.minimize.newton import (
     thorough,
     within,
 )
-from dlo_planner.minimize.reach import among_all, bodies_in_reach, points_on, with_bodies
+from dlo_planner.minimize.reach import (
+    among_all,
+    bodies_in_reach,
+    bodies_near,
+    forces_among_all,
+    points_on,
+    stays_within,
+    with_bodies,
+)
 from dlo_planner.model.arrays import Floats, Ints
 
+_WAYS = 1.5        # times the gripper's motion: by so much nodes of a DLO that bears mostly move
 _ONE_PLACE = 1e-7  # of the length: contacts with one body that are nearer are one
 
 
@@ -177,17 +186,35 @@ def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, 
                    multiplier, fraction, anchor, normal, shear)
     before = _seen_from(origin, places, tangents)
     bodies = bodies_in_reach(there, before)
-    some = bodies.size < there.effects.contact.scene.kind.size
-    rubbing = slid[points_on(there, bodies)]
-    goes_on, state, residual, stability, iterations, kicks, loaded, violation = predictor_corrector(
-        with_bodies(there, bodies) if some else there, turned_from.copy(), rubbing, strains.copy(),
-        origin - moved_from, COARSER * tolerance, exact, before)
-    if goes_on and some:
-        loaded = among_all(there, loaded, bodies)
+    length, turned = np.sum(there.lengths), 0.0
+    for i in range(3):
+        for j in range(3):
+            turned += (base[i, j] - turned_from[i, j]) ** 2
+    margin = _WAYS * (np.sqrt(np.sum((origin - moved_from) ** 2)) + np.sqrt(0.5 * turned) * length)
+    near = bodies_near(there, before, bodies, margin)
+    if near.size == 0:
+        near = bodies
+    while True:
+        some = near.size < there.effects.contact.scene.kind.size
+        rubbing = slid[points_on(there, near)]
+        (goes_on, state, residual, stability, iterations, kicks, loaded,
+         violation) = predictor_corrector(
+            with_bodies(there, near) if some else there, turned_from.copy(), rubbing,
+            strains.copy(), origin - moved_from, COARSER * tolerance, exact, before)
+        if not goes_on or near.size == bodies.size or stays_within(margin, before,
+                                                                   state.positions):
+            break
+        near = bodies  # it may have come to one of the others
     if not goes_on:
         residual, loaded, state = np.inf, there, new_configuration(there)
         evaluate(there, state)
     end = outcome(loaded, state, loaded.origin, residual, 0.0, True)
+    if goes_on and some:  # no other one is touched, and none has the gripper in it
+        table = touching(loaded.effects.contact.scene, loaded.effects.contact.contacts,
+                         loaded.lengths, state)
+        forces = forces_among_all(forces_after(loaded, state, table, loaded.origin, True), near,
+                                  there.effects.contact.scene.kind.size)
+        end = end[:7] + (forces,) + end[8:]
     return end + (residual, stability, iterations, kicks, violation, True)
 
 

@@ -5,17 +5,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, get_args
+from dataclasses import dataclass, field
+from functools import cached_property
+from os import PathLike
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import direction, instance, items, number, shown, vector
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.checks import (
+    array,
+    direction,
+    flag,
+    instance,
+    items,
+    number,
+    shown,
+    vector,
+)
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.triangles import MOST, Surface, closed, hull, mended, read
 from dlo_planner.model.value import Value, put
 
 # ------------------------------------------------------------------------------------------------
@@ -25,9 +37,11 @@ from dlo_planner.model.value import Value, put
 class Solid(NamedTuple):
     """A body that RViz, browsers and physics engines know: what obstacles are drawn with."""
 
-    kind: str  # 'box', 'ball' (an ellipsoid) or 'cylinder' (flat ends, its axis along z)
-    pose: Pose  # pose of its center
+    # 'box', 'ball' (an ellipsoid), 'cylinder' (flat ends, its axis along z) or 'mesh'
+    kind: str
+    pose: Pose  # pose of its center; of a mesh, of its frame
     size: tuple[float, float, float]  # (3,) full sizes along the axes of the pose, m
+    surface: Surface | None = None  # of a mesh, its triangles
 
 
 def bar(start: Floats, end: Floats, radius: float) -> Solid:
@@ -48,28 +62,52 @@ def ball(center: Floats, radius: float) -> Solid:
 
 
 class Body(NamedTuple):
-    """A convex body, or a sheet: how `energy.scene` computes its distance, and of what.
+    """A convex body, a sheet or a mesh: how `energy.scene` computes its distance, and of what.
 
-    Convex, because the plane at its nearest point is taken as a bound of all of it.
+    Convex, because the plane at its nearest point is taken as a bound of all of it; of sheets and
+    meshes it is not.
     """
 
     kind: str  # one of `energy.scene.KINDS`
     pose: Pose  # pose of its center
     size: ArrayLike  # (3,) half sizes along the axes of the pose, m; see `energy.scene.Scene`
     inner: float = 0.0  # how deep in it a point still knows its way out, m
+    surface: Surface | None = None  # of a mesh or a hull, its triangles
+    smooth: bool = False  # a mesh whose edges are rounded where it is touched
 
 
 # ------------------------------------------------------------------------------------------------
-# What a DLO may touch: plane, sphere, capsule, cylinder, box, ellipsoid, sheet with cut-outs.
+# What a DLO may touch: plane, sphere, capsule, cylinder, box, ellipsoid, sheet with cut-outs, mesh,
+# convex hull.
 
 
 _FLUSH = 1e-6  # of the sheet, and rad: how far a cut-out may lie off its sheet's middle plane
 _NO_LENGTH = 1e-9  # of its other measures: a capsule that short has no direction
 _ROUNDING = 1e-9   # of the sheet
+_LONGEST_NAME = 256  # characters, so that a refusal can be read
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Plane(Value):
+class Named(Value):
+    """Base of obstacles: how one is called in answers and refusals.
+
+    Two obstacles that fill the same place are equal, whatever they are called.
+
+    Attributes
+    ----------
+    name : str
+        A line of text; '' if it has no name, and is called by its class and its index.
+    """
+
+    name: str = field(default='', kw_only=True, compare=False)
+
+    def __post_init__(self) -> None:
+        _judge_name(f'{type(self).__name__}.name', self.name)
+        super().__post_init__()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plane(Named):
     """A floor or wall that fills everything behind it.
 
     Attributes
@@ -80,6 +118,8 @@ class Plane(Value):
         Normal of any length but zero, pointing away from the solid.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
     """
 
     point: Floats
@@ -87,7 +127,8 @@ class Plane(Value):
     friction: float = 0.0
 
     if TYPE_CHECKING:  # what may be given, here and below
-        def __init__(self, point: ArrayLike, normal: ArrayLike, friction: float = 0.0) -> None: ...
+        def __init__(self, point: ArrayLike, normal: ArrayLike, friction: float = 0.0, *,
+                     name: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         put(self, point=vector('Plane.point', self.point, 3),
@@ -101,7 +142,7 @@ class Plane(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sphere(Value):
+class Sphere(Named):
     """A ball.
 
     Attributes
@@ -112,6 +153,8 @@ class Sphere(Value):
         Radius in m.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
     """
 
     center: Floats
@@ -119,7 +162,8 @@ class Sphere(Value):
     friction: float = 0.0
 
     if TYPE_CHECKING:
-        def __init__(self, center: ArrayLike, radius: float, friction: float = 0.0) -> None: ...
+        def __init__(self, center: ArrayLike, radius: float, friction: float = 0.0, *,
+                     name: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         put(self, center=vector('Sphere.center', self.center, 3),
@@ -138,7 +182,7 @@ class Sphere(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _Bar(Value):
+class _Bar(Named):
     """Base of what is round about a line: it checks."""
 
     start: Floats
@@ -148,7 +192,8 @@ class _Bar(Value):
 
     if TYPE_CHECKING:
         def __init__(self, start: ArrayLike, end: ArrayLike, radius: float,
-                     friction: float = 0.0) -> None: ...
+                     friction: float = 0.0, *,
+                     name: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         name = type(self).__name__
@@ -188,6 +233,8 @@ class Capsule(_Bar):
         Radius in m.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
     """
 
     @property
@@ -215,6 +262,8 @@ class Cylinder(_Bar):
         Radius in m.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
     """
 
     @property
@@ -225,7 +274,7 @@ class Cylinder(_Bar):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Box(Value):
+class Box(Named):
     """A rectangular block.
 
     Attributes
@@ -236,6 +285,8 @@ class Box(Value):
         Full sizes along the pose's axes, m.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
     """
 
     pose: Pose
@@ -243,7 +294,8 @@ class Box(Value):
     friction: float = 0.0
 
     if TYPE_CHECKING:
-        def __init__(self, pose: Pose, size: ArrayLike, friction: float = 0.0) -> None: ...
+        def __init__(self, pose: Pose, size: ArrayLike, friction: float = 0.0, *,
+                     name: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         instance('Box.pose', self.pose, Pose)
@@ -262,7 +314,7 @@ class Box(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Ellipsoid(Value):
+class Ellipsoid(Named):
     """An ellipsoid; only a DLO with a round section may touch it.
 
     Attributes
@@ -273,6 +325,8 @@ class Ellipsoid(Value):
         Half axes along the pose's axes, m.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
     """
 
     pose: Pose
@@ -280,7 +334,8 @@ class Ellipsoid(Value):
     friction: float = 0.0
 
     if TYPE_CHECKING:
-        def __init__(self, pose: Pose, half_axes: ArrayLike, friction: float = 0.0) -> None: ...
+        def __init__(self, pose: Pose, half_axes: ArrayLike, friction: float = 0.0, *,
+                     name: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         instance('Ellipsoid.pose', self.pose, Pose)
@@ -302,7 +357,7 @@ class Ellipsoid(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sheet(Value):
+class Sheet(Named):
     """A flat rectangular plate with cut-outs; the x axis of its pose is its normal.
 
     Attributes
@@ -319,6 +374,8 @@ class Sheet(Value):
         CutOuts with a size, centered in the middle plane, normal to it.
     friction : float
         Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
 
     Raises
     ------
@@ -335,7 +392,8 @@ class Sheet(Value):
 
     if TYPE_CHECKING:
         def __init__(self, pose: Pose, width: float, height: float, thickness: float = 1e-3,
-                     cutouts: Iterable[CutOut] | CutOut = (), friction: float = 0.0) -> None: ...
+                     cutouts: Iterable[CutOut] | CutOut = (), friction: float = 0.0, *,
+                     name: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         instance('Sheet.pose', self.pose, Pose)
@@ -350,10 +408,10 @@ class Sheet(Value):
 
     @classmethod
     def around(cls, cutout: CutOut, width: float = 0.4, height: float = 0.4,
-               thickness: float = 1e-3, friction: float = 0.0) -> Sheet:
+               thickness: float = 1e-3, friction: float = 0.0, *, name: str = '') -> Sheet:
         """Return a sheet with one cut-out in its center."""
         instance('cutout', cutout, CutOut)
-        return cls(cutout.pose, width, height, thickness, (cutout,), friction)
+        return cls(cutout.pose, width, height, thickness, (cutout,), friction, name=name)
 
     def _check(self, name: str, cutout: CutOut) -> None:
         if cutout.radius is None and cutout.width is None:
@@ -378,8 +436,212 @@ class Sheet(Value):
         return reach
 
 
-Obstacle: TypeAlias = Plane | Sphere | Capsule | Cylinder | Box | Ellipsoid | Sheet
+@dataclass(frozen=True, eq=False, repr=False)
+class Mesh(Named):
+    """A solid inside of triangles, of any shape; only a DLO with a round section may touch it.
+
+    What is promised of it (clearance, that nothing passes through, penetration) is told by the
+    exact distance from the triangles.
+
+    Attributes
+    ----------
+    vertices : ndarray, shape (n, 3)
+        Vertices in m, in the frame of the pose.
+    faces : ndarray of int, shape (m, 3)
+        Indices of the vertices of each triangle, counterclockwise as seen from outside.
+    pose : Pose
+        Pose of the frame of the vertices.
+    friction : float
+        Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
+    smooth : bool
+        Whether the DLO touches a smooth surface in place of the triangles, for what is round: its
+        edges and creases are rounded on the scale of half the DLO's radius. False: the triangles
+        themselves, for what has few, flat faces.
+    name : str
+        How it is called; '' if it has no name.
+
+    Raises
+    ------
+    InvalidTask
+        Triangles that do not enclose a solid: with open edges, flat ones, or seen from within.
+    """
+
+    vertices: Floats
+    faces: Ints
+    pose: Pose = Pose.identity()  # noqa: RUF009 - frozen
+    friction: float = 0.0
+    smooth: bool = True
+
+    if TYPE_CHECKING:
+        def __init__(self, vertices: ArrayLike, faces: ArrayLike, pose: Pose = ...,
+                     friction: float = 0.0, smooth: bool = True, *,
+                     name: str = '') -> None: ...
+
+    def __post_init__(self) -> None:
+        instance('Mesh.pose', self.pose, Pose)
+        vertices = array('Mesh.vertices', self.vertices, (None, 3))
+        faces = _whole('Mesh.faces', self.faces)
+        closed('Mesh', vertices, faces)
+        put(self, vertices=vertices, faces=faces, friction=_friction(self),
+            smooth=flag('Mesh.smooth', self.smooth))
+        super().__post_init__()
+
+    @classmethod
+    def read(cls, path: str | PathLike[str], unit: str | None = None,
+             pose: Pose = Pose.identity(), friction: float = 0.0,  # noqa: B008 - frozen
+             smooth: bool = True) -> Self:
+        """Return the Mesh of a file: STL, OBJ, PLY, GLB or 3MF.
+
+        Vertices at one place are joined, triangles without area go, and triangles that are seen
+        from within are turned; holes are not filled.
+
+        Parameters
+        ----------
+        path : str or PathLike
+            File.
+        unit : str, optional
+            Unit of the numbers in the file: 'm', 'mm', 'cm' or 'in'. If None, the file has to say
+            it, as GLB (m) and 3MF do.
+        pose : Pose, optional
+            Pose of the file's frame.
+        friction : float, optional
+            Coulomb's coefficient, >= 0.
+        smooth : bool, optional
+            See `Mesh`.
+
+        Returns
+        -------
+        Mesh
+
+        Raises
+        ------
+        InvalidTask
+            No such file, another kind of file, a unit that nobody has said, or triangles that do
+            not enclose a solid.
+        MissingExtra
+            The package that reads such files is not there.
+        """
+        found = read(path, unit)
+        try:
+            return cls(*found, pose, friction, smooth)
+        except InvalidTask as error:
+            raise InvalidTask(f'path = {shown(str(path))}: {error}') from None
+
+    @classmethod
+    def mended(cls, vertices: ArrayLike, faces: ArrayLike,
+               pose: Pose = Pose.identity(), friction: float = 0.0,  # noqa: B008 - frozen
+               smooth: bool = True) -> Self:
+        """Return a Mesh of triangles as they come from elsewhere: mended as by `read`.
+
+        Parameters
+        ----------
+        vertices : array_like, shape (n, 3)
+            Vertices in m, in the frame of the pose.
+        faces : array_like of int, shape (m, 3)
+            Indices of the vertices of each triangle.
+        pose, friction, smooth
+            See `Mesh`.
+
+        Returns
+        -------
+        Mesh
+
+        Raises
+        ------
+        InvalidTask
+            Triangles that do not enclose a solid.
+        """
+        given = array('vertices', vertices, (None, 3))
+        indices = _whole('faces', faces)
+        if ((indices < 0) | (indices >= len(given))).any():
+            closed('Mesh', given, indices)  # which says what is wrong
+        return cls(*mended(given, indices), pose, friction, smooth)
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The triangles, in the frame of the pose."""
+        return Surface(self.vertices, self.faces)
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """What it is for kernels."""
+        return (Body('mesh', self.pose, _reach_of(self.vertices), 0.0, self.surface, self.smooth),)
+
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """What it looks like."""
+        return (Solid('mesh', self.pose, (1.0, 1.0, 1.0), self.surface),)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Hull(Named):
+    """The convex hull of points; only a DLO with a round section may touch it.
+
+    Its faces are flat and its edges sharp. What is round is better an `Ellipsoid`, or a `Mesh`.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n, 3)
+        Points in m, in the frame of the pose; four or more, not in a plane.
+    pose : Pose
+        Pose of the frame of the points.
+    friction : float
+        Coulomb's coefficient, >= 0.
+    name : str
+        How it is called; '' if it has no name.
+    """
+
+    points: Floats
+    pose: Pose = Pose.identity()  # noqa: RUF009 - frozen
+    friction: float = 0.0
+
+    if TYPE_CHECKING:
+        def __init__(self, points: ArrayLike, pose: Pose = ..., friction: float = 0.0, *,
+                     name: str = '') -> None: ...
+
+    def __post_init__(self) -> None:
+        instance('Hull.pose', self.pose, Pose)
+        points = array('Hull.points', self.points, (None, 3))
+        put(self, points=points, friction=_friction(self), surface=hull('Hull.points', points))
+        super().__post_init__()
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The triangles of the hull, in the frame of the pose."""
+        return hull('Hull.points', self.points)
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """What it is for kernels."""
+        vertices, faces = self.surface
+        a, b, c = (vertices[faces[:, k]] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        heights = np.einsum('ij,ij->i', normals, a - vertices.mean(axis=0))
+        inner = float((heights / np.linalg.norm(normals, axis=1)).min())
+        return (Body('hull', self.pose, _reach_of(vertices), inner, self.surface),)
+
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """What it looks like."""
+        return (Solid('mesh', self.pose, (1.0, 1.0, 1.0), self.surface),)
+
+
+Obstacle: TypeAlias = Plane | Sphere | Capsule | Cylinder | Box | Ellipsoid | Sheet | Mesh | Hull
 OBSTACLES: tuple[type, ...] = get_args(Obstacle)
+
+
+def called(obstacle: Obstacle, index: int) -> str:
+    """Return how an obstacle is called in a sentence: by its name, else by its class and index."""
+    return obstacle.name or f'{type(obstacle).__name__} {index}'
+
+
+def _judge_name(name: str, value: object) -> None:
+    if not isinstance(value, str) or len(value) > _LONGEST_NAME or not (
+            value.isprintable() and value == value.strip()):
+        raise InvalidTask(f'{name} = {shown(value)}: expected a line of at most {_LONGEST_NAME} '
+                          'characters, which neither begins nor ends with a space')
 
 
 def _friction(self: Any) -> float:
@@ -390,3 +652,19 @@ def _lengths(name: str, value: ArrayLike) -> Floats:
     """Return (3,) lengths, m, each above 0."""
     return np.array([number(f'{name}[{k}]', length, above=0)
                      for k, length in enumerate(vector(name, value, 3))])
+
+
+def _whole(name: str, value: ArrayLike) -> Ints:
+    """Return (m, 3) indices; numbers that are not whole are refused."""
+    given = array(name, value, (None, 3))
+    if len(given) > MOST:
+        raise InvalidTask(f'{name} has {len(given)} rows: expected {MOST} triangles at most')
+    if (given != np.round(given)).any():
+        raise InvalidTask(f'{name} = {shown(given.tolist())}: expected whole numbers, indices of '
+                          'vertices')
+    return given.astype(np.int64)
+
+
+def _reach_of(vertices: Floats) -> Floats:
+    """Return (3,) how far vertices reach from the origin along each axis, m."""
+    return np.asarray(np.abs(vertices).max(axis=0), dtype=float)

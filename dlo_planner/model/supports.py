@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, items, number, returned, vector
-from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
+from dlo_planner.model.obstacles import OBSTACLES, Mesh, Obstacle, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, part_of_rod
 from dlo_planner.model.value import Value, put
@@ -193,9 +193,10 @@ class Surroundings(Value):
             raise InvalidTask('grip = \'pinned\': expected \'clamped\' where dead moments act')
         if self.load is not None and not callable(self.load):
             put(self, load=vector('load', self.load, 3))
-        if self.rod.radius is None and any(isinstance(one, Sheet) for one in self.obstacles):
-            raise InvalidTask('Rod.radius = None: expected the DLO\'s radius where a Sheet is an '
-                              'obstacle')
+        hollow = next((one for one in self.obstacles if isinstance(one, Sheet | Mesh)), None)
+        if self.rod.radius is None and hollow is not None:
+            raise InvalidTask('Rod.radius = None: expected the DLO\'s radius where a '
+                              f'{type(hollow).__name__} is an obstacle')
         super().__post_init__()
 
     def of_rod(self, rod: Rod) -> Self:

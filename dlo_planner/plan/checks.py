@@ -18,7 +18,7 @@ import numpy as np
 from dlo_planner.direct.grasp import Simulator
 from dlo_planner.direct.shape import Shape, in_itself, largest_in_elements
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.obstacles import Obstacle
+from dlo_planner.model.obstacles import Obstacle, called
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import Bodies
@@ -32,6 +32,11 @@ _LIGHTER = 1e-3  # of a least force: what a mesh makes of it
 _TOUCHES = 1e-9  # of the length: rounding errors of a distance
 ROOM = 0.25      # part of the room in a hole that a motion may lose, whatever its tolerance
 _EXCEEDED = 2.0  # what breaks a demand that has no limit counts as so many limits
+
+
+def verbatim(text: str) -> str:
+    """Return a text for `Margin.words` that stays as it is: somebody chose it."""
+    return text.replace('{', '{{').replace('}', '}}')
 
 
 class Margin(NamedTuple):
@@ -142,7 +147,7 @@ class Judge:
             if any(obstacle is sheet for sheet in around):
                 continue  # that is its clearance
             yield Margin('clearance', body.exact(shape),
-                         f'the DLO is {{over:.3g}} m in {type(obstacle).__name__} {index}')
+                         'the DLO is {over:.3g} m in ' + verbatim(called(obstacle, index)))
         if self.margin is not None:
             found = least_margin(self.uncertainty, shape, [s for _, s, _ in waypoint.via_points],
                                  waypoint.clearances)

@@ -119,6 +119,15 @@ class Bodies:
             rooms.append(_clearance(self._known(shape)[1], shape))
         return min(rooms, default=np.inf)
 
+    def called_at(self, shape: Shape) -> str:
+        """Return how that is called which a Shape is deepest in, or nearest to."""
+        rooms: list[tuple[float, Obstacle]] = [
+            (float(room.min()), sheet)
+            for room, (sheet, _) in zip(self.holes(shape), self._sheets, strict=True)]
+        rooms += [(clearance([one], self._surface, shape), one) for one in self._others]
+        _, nearest = min(rooms, key=lambda room: room[0])
+        return nearest.name or 'the sheet or an obstacle'
+
     def rooms(self, shape: Shape, least: float = -np.inf) -> Floats:
         """Return (N,) a lower bound in m of the distance of each element, none below `least`."""
         result: Floats = element_rooms(self._known(shape)[0], *kernel_arrays(shape), least)

@@ -298,7 +298,7 @@ class AwayFrom(Goal):
 
     @cached_property
     def _scene(self) -> Scene:
-        scene: Scene = build_scene(self.obstacles, self.radius)
+        scene: Scene = build_scene(self.obstacles, self.radius, sharp=True)
         return scene
 
     def _residuals(self, shape: Shape) -> Floats:

@@ -42,7 +42,7 @@ from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.checks import Judge, Margin
+from dlo_planner.plan.checks import Judge, Margin, verbatim
 from dlo_planner.plan.clearance import Bodies, SheetSide
 from dlo_planner.plan.continuity import followed
 from dlo_planner.plan.path import GripperPath, Leg
@@ -142,8 +142,8 @@ class _Sweep:
             return jumped
         if middle.least < 0:
             deepest = self._deepest(leg, one, middle, other)
-            return Margin('clearance', -deepest, 'on the way there the DLO is {over:.3g} m in the '
-                          'sheet or an obstacle')
+            return Margin('clearance', deepest.least, 'on the way there the DLO is {over:.3g} m in '
+                          + verbatim(self._bodies.called_at(deepest.shape)))
         return (self._between(leg, one, middle, bends, halvings - 1)
                 or self._between(leg, middle, other, bends, halvings - 1))
 
@@ -159,15 +159,15 @@ class _Sweep:
         return None, Margin('continuity', -away, 'on the way there the DLO falls into another '
                             'shape: its free end comes {over:.3g} m away')
 
-    def _deepest(self, leg: Leg, before: _Look, deep: _Look, after: _Look) -> float:
-        """Return how deep (m) the DLO is in something near a Look where it is, at the worst."""
+    def _deepest(self, leg: Leg, before: _Look, deep: _Look, after: _Look) -> _Look:
+        """Return the Look, near one where the DLO is in something, where it is deepest in it."""
         for _ in range(_CLOSER):
             looks = [look for look in (before, self._middle(leg, before, deep)[0], deep,
                                        self._middle(leg, deep, after)[0], after)
                      if look is not None]
             k = min(range(1, len(looks) - 1), key=lambda k: looks[k].least)
             before, deep, after = looks[k - 1:k + 2]
-        return -deep.least
+        return deep
 
 
 def _short(one: _Look, other: _Look, bends: Floats) -> tuple[float, float]:

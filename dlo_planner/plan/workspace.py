@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.energy.scene import SHEET, Scene, build_scene, signed_distance
+from dlo_planner.energy.scene import Scene, build_scene, is_convex, signed_distance
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
@@ -42,7 +42,7 @@ class Workspace(Value):
     upper : ndarray, shape (3,)
         Opposite corner, m; inf: no limit.
     keep_out : tuple of obstacle
-        Plane, Sphere, Capsule, Cylinder, Box, Sheet, in any number.
+        Plane, Sphere, Capsule, Cylinder, Box, Ellipsoid, Sheet, Mesh, Hull, in any number.
     gripper_radius : float
         Radius in m of the sphere about the gripper's origin that stands for it.
 
@@ -76,7 +76,7 @@ class Workspace(Value):
 
     @cached_property
     def _scene(self) -> Scene:
-        result: Scene = build_scene(self.keep_out, self.gripper_radius)
+        result: Scene = build_scene(self.keep_out, self.gripper_radius, sharp=True)
         return result
 
     def _limits(self) -> list[tuple[str, Rooms, bool]]:
@@ -90,8 +90,9 @@ class Workspace(Value):
                                                           self.gripper_radius), False)
                        for k, axis in enumerate('xyz') if np.isfinite(corner[k])]
         scene = self._scene
-        limits += [(f'workspace.keep_out[{source}]', _body(scene, o), kind == SHEET)
-                   for o, (source, kind) in enumerate(zip(scene.source, scene.kind, strict=True))]
+        limits += [(f'workspace.keep_out[{self.keep_out[source].name or source}]',
+                    _body(scene, o), not is_convex(scene, o))
+                   for o, source in enumerate(scene.source)]
         return limits
 
     def min_margin(self, gripper: Pose) -> tuple[str, float]:

@@ -19,7 +19,6 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import shown
-from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.scene import Scene
 from msg_helpers.obstacles import obstacles_after
@@ -77,8 +76,7 @@ _MOST_GOALS = 100
 _MOST_BODIES = 1000
 _MOST_MARKERS = 10_000  # of a message, most of which delete
 _MOST_SAID = 2000  # characters of a text that goes out
-_OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|'
-                       rf'\b(?:{"|".join(one.__name__ for one in OBSTACLES)}) (\d+)\b')
+_KEEP_OUT = re.compile(r'workspace\.keep_out\[(.*?)\]')
 
 
 def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: Frames = _ONE) -> Pose:
@@ -155,7 +153,8 @@ def _marker_in(scene: Scene, marker: Marker, name: str, frames: Frames) -> Marke
             pose = pose_msg(origin.compose(pose_from_msg(pose)))
         marker = Marker(header=header(scene.frame_id, marker.header.stamp), ns=marker.ns,
                         id=marker.id, type=marker.type, action=marker.action, pose=pose,
-                        scale=size, points=marker.points, text=marker.text)
+                        scale=size, points=marker.points, text=marker.text,
+                        mesh_resource=marker.mesh_resource)
     at = marker.pose.position
     judge_distance([at.x, at.y, at.z], scene, f'{name}.pose', Cause.INVALID_OBSTACLES)
     if max(size.x, size.y, size.z) > 2 * scene.reach:
@@ -169,26 +168,15 @@ def brief_text(text: str, most: int = _MOST_SAID) -> str:
     return text if len(text) <= most else f'{text[:most]} ... ({len(text)} characters)'
 
 
-def named(text: str, scene: Scene) -> str:
-    """Return a text in which obstacles are called as in RViz, 'cell/3', not by their index."""
-    names = [body_name(key) for key in scene.bodies]
-
-    def name(found: re.Match[str]) -> str:
-        index = int(found[1] or found[2])
-        return f'obstacle {names[index]}' if index < len(names) else found[0]
-
-    return _OBSTACLE.sub(name, text)
-
-
-def body_name(key: tuple[str, int]) -> str:
-    """Return how an obstacle is called, of its (namespace, id)."""
-    return f'{key[0]}/{key[1]}'
+def named(text: str) -> str:
+    """Return a text that says which obstacle the gripper keeps out of, not which limit that is."""
+    return _KEEP_OUT.sub(r'obstacle \1', text)
 
 
 def inside_of(scene: Scene, gripper: Pose, name: str) -> str:
     """Return in words in which obstacle a gripper is, '' if in none."""
-    if not scene.bodies:
+    if not scene.direct.obstacles:
         return ''
     found, room = scene.solid.min_margin(gripper)
     return '' if room >= 0 else named(f'{name}: the gripper is {-room:.3g} m inside {found}: '
-                                      'expected a pose outside of all obstacles', scene)
+                                      'expected a pose outside of all obstacles')

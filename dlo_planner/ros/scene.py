@@ -12,7 +12,7 @@ import numpy as np
 
 from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.errors import InvalidTask
+from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.execute.guards import Guards
 from dlo_planner.identify.estimator import EstimatorConfig
 from dlo_planner.inverse.simulator import InverseSimulator
@@ -22,6 +22,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import GRIPS
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
+from dlo_planner.scene import Scene as CellScene
 from dlo_planner.settings.build import (
     bounded,
     direct_of,
@@ -37,6 +38,7 @@ from msg_helpers.obstacles import Body
 
 _MOTION = 0.95    # of the limits, which a motion is made for: the rest is left to corrections
 _LONGEST = 1000   # characters or entries of a value
+_LONGEST_GROUP = 200  # characters of a namespace in the name of an obstacle
 _OPEN = lru_cache(4)(open_task)  # a long text takes long to read, at each change of an obstacle
 
 
@@ -48,6 +50,7 @@ class Scene:
     """
 
     values: Mapping[str, Any]
+    standing: CellScene  # what the file of the cell says, before the bodies
     bodies: Mapping[tuple[str, int], Body]  # obstacles by namespace and id
     direct: DirectSimulator
     inverse: InverseSimulator
@@ -64,12 +67,16 @@ class Scene:
            bodies: Mapping[tuple[str, int], Body] = MappingProxyType({})) -> 'Scene':
         """Return the Scene of parameter values and obstacles."""
         _judge(values)
-        solids: dict[str, list[Obstacle]] = {'all': [], 'workspace only': []}
-        for body in bodies.values():
-            solids[body.role].append(body.obstacle if body.friction is not None else replace(
-                body.obstacle, friction=values['obstacles.friction']))
+        standing = _standing(values['scene.file'], values['obstacles.friction'])
+        solids: dict[str, list[Obstacle]] = {
+            'all': list(standing.obstacles), 'workspace only': []}
+        for key, body in bodies.items():
+            friction = values['obstacles.friction'] if body.friction is None else body.friction
+            solids[body.role].append(replace(body.obstacle, friction=friction,
+                                             name=body_name(key)))
         direct = direct_of(values, solids['all'])
-        return cls(values, bodies, direct, inverse_of(values, direct, solids['workspace only']),
+        return cls(values, standing, bodies, direct,
+                   inverse_of(values, direct, solids['workspace only']),
                    grasped_of(values, direct),
                    Pose(values['tool.position'], values['tool.orientation']),
                    _OPEN(values['task'], 'parameter task'), limits_of(values),
@@ -123,6 +130,23 @@ class Scene:
         """Whether what was planned and proved in this Scene holds in another one."""
         return all(getattr(self, name) == getattr(other, name) for name in (
             'frame_id', 'direct', 'grasped', 'inverse', 'tool', 'limits', 'cutout_radius'))
+
+
+@lru_cache(1)  # the last one: parameters and obstacles change more often than the file does
+def _standing(path: str, friction: float) -> CellScene:
+    """Return what the file of the cell says; nothing without one."""
+    if not path:
+        return CellScene()
+    try:
+        return CellScene.read(path, friction=friction)
+    except DloPlannerError as error:
+        raise InvalidTask(f'parameter scene.file: {error}') from None
+
+
+def body_name(key: tuple[str, int]) -> str:
+    """Return how an obstacle is called, of its (namespace, id), as in RViz."""
+    group = ''.join(sign if sign.isprintable() else '?' for sign in key[0][:_LONGEST_GROUP])
+    return f'{group.strip()}/{key[1]}' if group.strip() else f'marker {key[1]}'
 
 
 def _judge(values: Mapping[str, Any]) -> None:

@@ -3,6 +3,7 @@
 """What changes the scene: parameters, and obstacles as RViz shows them."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from threading import Lock
 from typing import Any
 
@@ -16,13 +17,13 @@ from dlo_planner.execute.causes import Cause
 from dlo_planner.model.rod import Surface, doubts
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.ros.inputs import bodies_in, body_name, brief_text
+from dlo_planner.ros.inputs import bodies_in, brief_text
 from dlo_planner.ros.lifecycle import CHANGES
-from dlo_planner.ros.scene import Scene
+from dlo_planner.ros.scene import Scene, body_name
 from dlo_planner.ros.state import State
 from dlo_planner.ros.status import Part, Shared
 from dlo_planner.settings.parameters import PARAMETERS
-from dlo_planner.view.scene import obstacle_primitives
+from dlo_planner.view.scene import cutout_primitives, obstacle_primitives
 
 _LOOKS = 60       # poses of the gripper on the rest of its way that are looked at
 _MOST_NAMED = 5   # obstacles that are named, or looked at
@@ -39,6 +40,10 @@ class SceneMonitor(Part):
         self.node.add_on_set_parameters_callback(self._judge)
         self.node.add_post_set_parameters_callback(self._apply)
         self.node.add_latched(MarkerArray, '~/obstacles', self._on_obstacles, CHANGES, topics)
+        scene = self.store.state.scene
+        self._tell_standing(scene)
+        if scene.standing.obstacles:
+            self._show(scene)
 
     def close(self) -> None:
         """Judge and apply parameters no more."""
@@ -74,6 +79,9 @@ class SceneMonitor(Part):
                 for doubt in doubts(scene.direct.rod, scene.direct.gravity):
                     self.node.get_logger().warning(doubt)
             self._change(scene, Cause.PARAMETERS_CHANGED, f'parameters changed ({names})')
+            if scene.standing != before.standing:
+                self._tell_standing(scene)
+                self._show(scene)
 
     def _on_obstacles(self, msg: MarkerArray) -> None:
         with self.status.answering('obstacles', told=False):
@@ -96,10 +104,25 @@ class SceneMonitor(Part):
         reason = f'obstacles changed ({listed(changed)})'
         scene = Scene.of(before.scene.values, bodies)
         self._change(scene, Cause.OBSTACLES_CHANGED, reason)
-        stamp = self.node.get_clock().now().to_msg()
-        self.markers.show('obstacles', scene.frame_id, stamp, lambda: obstacle_primitives(
-            body.obstacle for body in bodies.values()))
+        self._show(scene)
         return before, {key: bodies[key] for key in changed if key in bodies}, reason
+
+    def _show(self, scene: Scene) -> None:
+        """Show all obstacles, those of the file and those of markers, and the file's cut-outs."""
+        standing, bodies = scene.standing, scene.bodies
+        self.markers.show('obstacles', scene.frame_id, self.node.get_clock().now().to_msg(),
+                          lambda: [*obstacle_primitives([
+                              *standing.obstacles, *(body.obstacle for body in bodies.values())]),
+                              *(replace(one, group=f'scene {one.group}')
+                                for one in cutout_primitives(standing.cutouts))])
+
+    def _tell_standing(self, scene: Scene) -> None:
+        """Say in the log what the file of the cell was read as."""
+        path, standing = scene['scene.file'], scene.standing
+        if path:
+            self.node.get_logger().info(f'{path}: {standing.counts}')
+        for note in standing.notes:
+            self.node.get_logger().info(brief_text(f'{path}: {note}'))
 
     def _change(self, scene: Scene, cause: Cause, reason: str) -> None:
         before = self.store.state

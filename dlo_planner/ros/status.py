@@ -187,7 +187,7 @@ class Status:
         """Return Cause and reason of an exception; an unknown one is traced once."""
         cause = cause_of(error)
         if isinstance(error, DloPlannerError):
-            return cause, named(brief_text(f'{what} refused: {error}'), self._store.state.scene)
+            return cause, named(brief_text(f'{what} refused: {error}'))
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = type(error).__name__, last.filename, last.lineno
         if place not in self._traced:

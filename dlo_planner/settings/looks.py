@@ -18,17 +18,19 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DloPlannerError, DoubtfulInput, InvalidTask
-from dlo_planner.files import readable, text_of
+from dlo_planner.extras import extra
 from dlo_planner.identify.observation import Observation
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, choice, did_you_mean, known_keys, shown
+from dlo_planner.model.files import readable, text_of
 from dlo_planner.model.plain_poses import pose_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import FarEnd
+from dlo_planner.model.triangles import UNITS
 from dlo_planner.settings.yaml_files import read_yaml
 
-UNITS = {'m': 1.0, 'cm': 0.01, 'mm': 0.001, 'in': 0.0254}  # in m
-TABLES = ('.csv', '.tsv', '.npy')
+TABLES = ('.csv', '.tsv', '.txt', '.dat', '.xyz', '.npy', '.ply')
+_LISTS = ('.yaml', '.yml', '.json')
 _KEYS = ('gripper', 'points', 's', 'far_end', 'normal', 'initial', 'unit')
 _AXES = ('x', 'y', 'z')
 # columns that tell when: a look is of one time
@@ -37,8 +39,14 @@ _TIMES = ('time', 't', 'stamp', 'frame')
 # `dlo-planner shape -o wire.csv` writes
 _IDLE = ('id', 'name', 'label', 'index', 'point', 'marker', 'qx', 'qy', 'qz', 'qw', 'torsion',
          'curvature_n', 'curvature_b')
-_HEADING = re.compile(r'(?P<name>.*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*[\])])?')
+_HEADING = re.compile(r'(?P<name>.*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]|'
+                      rf'(?:/\s*|\s|_)(?P<bare>{"|".join(UNITS)}))?')
+_UNIT = re.compile(r'[\[(]?\s*(\w*)\s*[\])]?')  # a cell of a line of units
+_PREFIXED = re.compile(r'(.*[._/ ])([xyzs])')
+_SEPARATOR = re.compile(r'sep=.', re.IGNORECASE)  # a first line by which Excel is told
 _DECIMAL_COMMA = re.compile(r'[-+]?\d*,\d+([eE][-+]?\d+)?')
+_UNSEEN = ('', 'nan', 'null', 'none')  # in x, y and z: a point that a tracker did not see
+_MOST_NAMED = 5  # lines
 _MOST_ARRAY = 2**26  # bytes
 
 
@@ -49,7 +57,8 @@ def read_observations(paths: Sequence[Path], grippers: Sequence[Pose],
     Parameters
     ----------
     paths : sequence of Path
-        YAML or JSON files, each with its grippers; tables of points, .csv, .tsv or .npy.
+        YAML or JSON files, each with its grippers; tables of points, .csv, .tsv, .txt, .dat, .xyz
+        or .npy, or points of a .ply.
     grippers : sequence of Pose
         Pose of the gripper of each table.
     unit : str, optional
@@ -62,6 +71,10 @@ def read_observations(paths: Sequence[Path], grippers: Sequence[Pose],
         file, and the line or key.
     """
     scale = UNITS[choice('unit', unit, UNITS)]
+    other = next((path for path in paths if path.suffix.lower() not in TABLES + _LISTS), None)
+    if other is not None:
+        raise InvalidTask(f'{readable(other)}: expected a file that ends with one of '
+                          f'{" ".join(_LISTS)}, or as a table of points {" ".join(TABLES)}')
     tables = [path for path in paths if path.suffix.lower() in TABLES]
     if len(tables) != len(grippers):
         raise InvalidTask(f'--gripper was given {len(grippers)} times: expected once for each of '
@@ -148,19 +161,27 @@ class _Column(NamedTuple):
 
 def _of_table(path: Path, gripper: Pose, scale: float) -> Observation:
     if path.suffix.lower() == '.npy':
-        return _observation(str(path), gripper, {'points': scale * _array_of(path)})
+        return _of_array(path, gripper, scale)
+    if path.suffix.lower() == '.ply':
+        return _observation(str(path), gripper, {'points': scale * _points_of(path)})
     lines = _lines(path)
     delimiter = _delimiter(path, lines)
     rows = [(number, _cells(f'{path}, line {number}', line, delimiter)) for number, line in lines]
     columns: list[_Column] = []
     if rows and not all(_is_number(cell) for cell in rows[0][1]):
-        columns = _columns(f'{path}, line {rows[0][0]}', rows.pop(0)[1], scale)
+        where, names = f'{path}, line {rows[0][0]}', rows.pop(0)[1]
+        units = [_UNIT.fullmatch(cell) for cell in rows[0][1]] if rows else []
+        if len(units) == len(names) and any(one is not None and one[1] in UNITS for one in units):
+            rows.pop(0)  # a line of units below the names
+            names = [name if one is None or not one[1] else f'{name} [{one[1]}]'
+                     for name, one in zip(names, units, strict=True)]
+        columns = _columns(where, names, scale)
     elif rows and len(rows[0][1]) == len(_AXES):
         columns = [_Column(axis, scale) for axis in _AXES]
     elif rows:
         raise InvalidTask(
             f'{path}: expected x, y, z in a table without a heading, it has {len(rows[0][1])} '
-            f'columns; say what they are in the first line, as s,x,y,z'
+            f'columns; say what they are in the first line, as id,x,y,z or s,x,y,z'
             f'{_ON_COMMAS if delimiter == "," else ""}')
     if not rows:
         raise InvalidTask(f'{path}: expected lines of x, y, z in m')
@@ -208,6 +229,8 @@ def _lines(path: Path) -> list[tuple[int, str]]:
     out: list[tuple[int, str]] = []
     for number, line in enumerate(text_of(path).splitlines(), start=1):
         bare = line.strip()
+        if not out and _SEPARATOR.fullmatch(bare):
+            continue
         if bare.startswith('#'):
             bare = bare.lstrip('#').strip()
             if out or not {*_AXES} & {*re.findall(r'\w+', bare.lower())}:
@@ -255,16 +278,20 @@ def _number(cell: str) -> float | None:
 
 
 def _columns(where: str, cells: Sequence[str], scale: float) -> list[_Column]:
-    """Return the Columns of a heading, as `x`, `x [mm]`, `x (mm)` or `x_mm`."""
+    """Return the Columns of a heading: `x`, `x [mm]`, `x (mm)`, `x / mm`, `x mm` or `x_mm`.
+
+    What comes before all of x, y and z, as in `position.x` or `tip_x`, is left out, unless there
+    are several such places.
+    """
     out = []
     if any(map(_is_number, cells)):
         raise InvalidTask(f'{where}: expected numbers alone, or names of columns alone, as s,x,y,z')
-    for cell in cells:
-        match = _HEADING.fullmatch(cell.strip().strip('"'))
-        name, unit = ('', None) if match is None else (match['name'].lower(), match['unit'])
-        before, _, after = name.rpartition('_')
-        if unit is None and before in (*_AXES, 's') and after in UNITS:
-            name, unit = before, after
+    matches = [_HEADING.fullmatch(cell.strip().strip('"')) for cell in cells]
+    found = ['' if match is None else match['name'].lower() for match in matches]
+    prefix = _prefix(where, found)
+    for cell, match, full in zip(cells, matches, found, strict=True):
+        unit = None if match is None else match['unit'] or match['bare']
+        name = full.removeprefix(prefix) if full[len(prefix):] in (*_AXES, 's') else full
         length = name in (*_AXES, 's')
         if length and unit is not None and unit not in UNITS:
             raise InvalidTask(f'{where}: {cell!r}: expected a unit out of {", ".join(UNITS)}')
@@ -279,6 +306,23 @@ def _columns(where: str, cells: Sequence[str], scale: float) -> list[_Column]:
     return out
 
 
+def _prefix(where: str, names: Sequence[str]) -> str:
+    """Return what stands before x, y and z in a heading, '' if nothing does."""
+    if {*_AXES} & {*names}:
+        return ''
+    known: dict[str, set[str]] = {}
+    for name in names:
+        match = _PREFIXED.fullmatch(name)
+        if match is not None:
+            known.setdefault(match[1], set()).add(match[2])
+    places = [before for before, axes in known.items() if {*_AXES} <= axes]
+    if len(places) > 1:
+        raise InvalidTask(f'{where}: expected one place in each line, got '
+                          f'{" and ".join(f"{one}x" for one in places)}; call that which is meant '
+                          'x, y, z')
+    return places[0] if places else ''
+
+
 def _numbers(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Sequence[_Column],
              delimiter: str) -> Floats:
     """Return the numbers (n, columns) of a table, nan in columns that are not read."""
@@ -287,6 +331,15 @@ def _numbers(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Sequenc
                if sign in cell}
     if len(written) == 2:  # noqa: PLR2004
         raise InvalidTask(f'{path}: expected decimal points or decimal commas, it has both')
+
+    unseen = [number for number, cells in rows if len(cells) == len(columns) and all(
+        cell.lower() in _UNSEEN for column, cell in zip(columns, cells, strict=True)
+        if column.name in _AXES)]
+    if unseen and len(unseen) < len(rows):
+        warn(f'{path}: left out as not seen, without x, y and z: line '
+             f'{", ".join(map(str, unseen[:_MOST_NAMED]))}'
+             f'{" ..." if len(unseen) > _MOST_NAMED else ""}', DoubtfulInput, stacklevel=2)
+        rows = [row for row in rows if row[0] not in {*unseen}]
 
     def values() -> Iterator[list[float]]:
         for number, cells in rows:
@@ -308,11 +361,30 @@ def _numbers(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Sequenc
     return np.array(list(values()))
 
 
-def _array_of(path: Path) -> Floats:
-    """Return the points (n, 3) of a file of NumPy's."""
+def _of_array(path: Path, gripper: Pose, scale: float) -> Observation:
+    """Return the Observation of a file of NumPy's: (n, 3), or with fields x, y, z and s."""
     try:
         content = np.load(BytesIO(readable(path, _MOST_ARRAY).read_bytes()), allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         raise InvalidTask(f'{path}: expected an array of NumPy with points (n, 3), {error}'
                           ) from None
-    return array(str(path), content, (None, 3))
+    names = getattr(getattr(content, 'dtype', None), 'names', None)
+    if not names:
+        return _observation(str(path), gripper, {
+            'points': scale * array(str(path), content, (None, 3))})
+    columns = _columns(str(path), names, scale)
+    return _look_of(path, gripper, {
+        column.name: column.scale * array(f'{path}: {name}', content[name], (None,))
+        for column, name in zip(columns, names, strict=True)})
+
+
+def _points_of(path: Path) -> Floats:
+    """Return the points (n, 3) of a PLY file."""
+    trimesh = extra('trimesh', 'mesh', 'files of points (.ply)')
+    content = readable(path, _MOST_ARRAY).read_bytes()
+    try:
+        found = trimesh.load(BytesIO(content), file_type='ply', process=False).vertices
+    except Exception as error:  # whatever a reader raises on what is no such file
+        raise InvalidTask(f'{path}: expected points of a .ply file, {type(error).__name__}: '
+                          f'{shown(str(error))}') from None
+    return array(str(path), np.array(found), (None, 3))

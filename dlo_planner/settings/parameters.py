@@ -144,6 +144,9 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'contacts.tolerance': (0.0, 'By how much the DLO may miss the place that it is to touch, '
                                 'across it, m; 0 = not stated: what touches is executed in open '
                                 'loop.', 0.0, 10.0),
+    'scene.file': ('', 'File of what stands in the cell: .scene of MoveIt, .xml (MJCF), .urdf, '
+                       '.stl .obj .ply .glb .3mf, or .yaml, a list of obstacles that may name '
+                       'files with unit and pose; empty = none. Read when it is set.'),
     'obstacles.friction': (0.0, "Coulomb's coefficient of obstacles that do not say "
                                 "theirs.", 0.0, 10.0),
     'workspace.lower': ([-_ANY] * 3, 'Corner of the box for the gripper, m.'),

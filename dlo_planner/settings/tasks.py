@@ -12,7 +12,6 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.execute.loop_motions import way_onto
-from dlo_planner.files import text_of, writable
 from dlo_planner.inverse.plain_tasks import (
     classes_below,
     from_plain,
@@ -29,6 +28,7 @@ from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.checks import did_you_mean, instance, shown
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.files import text_of, writable
 from dlo_planner.model.plain_poses import pose_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, concatenate

@@ -12,8 +12,8 @@ from typing import Any
 import yaml
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.files import readable, text_of, writable
 from dlo_planner.model.checks import instance, shown
+from dlo_planner.model.files import readable, text_of, writable
 from dlo_planner.settings.build import check_described, idle_warnings, without_effect
 from dlo_planner.settings.parameters import (
     PARAMETERS,

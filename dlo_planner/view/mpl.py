@@ -313,11 +313,15 @@ class Stage:
         return cls(shapes, cutouts, centers, tuple(own), max(float(shape.s[-1])
                                                              for shape in shapes))
 
-    def set(self, frame: Frame, more: Iterable[Primitive] = ()) -> None:
-        """Draw all that stands still, and further Primitives, and choose what is seen."""
+    def set(self, frame: Frame, more: Iterable[Primitive] = (),
+            around: Iterable[Floats] = ()) -> None:
+        """Draw all that stands still, and further Primitives, and choose what is seen.
+
+        `around`: places (n, 3), m, that the picture has to hold as well.
+        """
         drawn = self._still(frame)
         solid = [item.corners for item in (*drawn, *more) if item.kind != 'text']
-        points = np.concatenate([self._around_shapes(), *solid])
+        points = np.concatenate([*self._around_shapes(), *solid, *around])
         low, high = box_around(points)
         draw(frame.axes, [*drawn, *self._planes(low, high), *more], frame.side)
         frame.look(azimuth(points))
@@ -361,10 +365,10 @@ class Stage:
                           Primitive('border', index, 'line', SKY_BLUE, 0.8, points=edge)]
         return drawn
 
-    def _around_shapes(self) -> Floats:
+    def _around_shapes(self) -> list[Floats]:
         tips = [shape.gripper.position + sign * _AXIS * self.length * shape.gripper.rotation[:, k]
                 for shape in self.shapes for k in range(3) for sign in (0, 1)]
-        return np.concatenate([*(shape.positions for shape in self.shapes), tips])
+        return [*(shape.positions for shape in self.shapes), np.reshape(tips, (-1, 3))]
 
     def _gap(self, index: int, cutout: CutOut, level: int) -> Primitive:
         """Return a plate cut through its hole, in the upright plane through its center."""

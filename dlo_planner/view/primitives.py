@@ -12,6 +12,7 @@ from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import array, choice, instance, integer, number, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.triangles import Surface
 from dlo_planner.model.value import Value, put
 
 # What a primitive is made of, and what `size` means: line, segments (pairs of points): width; arrow
@@ -81,6 +82,8 @@ class Primitive(Value):
 
 _SHOWN_RADIUS = 0.02  # m, of a cut-out without a size
 _STEPS = 48           # of a circle, a multiple of 8: corners of the plate are among them
+_MOST_DRAWN = 20_000  # triangles of a mesh; more of them are drawn coarser
+_COARSE = 64          # places along its size where those are
 _PLATE = 3.0          # half a plate's side, in sizes of its hole
 
 
@@ -91,6 +94,20 @@ def rim(cutout: CutOut) -> Floats:
     angle = np.linspace(0, 2 * np.pi, _STEPS + 1)
     radius = cutout.radius or _SHOWN_RADIUS
     return radius * np.column_stack([np.zeros_like(angle), np.cos(angle), np.sin(angle)])
+
+
+def triangles(surface: Surface) -> Floats:
+    """Return (3 n, 3) m: the triangles of a surface, coarser ones where there are many."""
+    vertices, faces = surface
+    if len(faces) > _MOST_DRAWN:
+        cells = np.round(vertices * (_COARSE / np.ptp(vertices, axis=0).max()))
+        number = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
+        often = np.bincount(number)[:, None]
+        vertices = np.column_stack([np.bincount(number, weights=vertices[:, k])
+                                    for k in range(3)]) / often
+        faces = number[faces]
+        faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    return vertices[faces].reshape(-1, 3)
 
 
 def border(width: float, height: float) -> Floats:

@@ -25,6 +25,7 @@ from dlo_planner.view.primitives import (
     rim,
     room,
     rows_of_points,
+    triangles,
 )
 
 _THIN, _LINE = 0.001, 0.002  # m: radius of a DLO whose radius is not known; width of a line
@@ -220,4 +221,7 @@ def _pane(group: str, index: int, triangles: Floats, pose: Pose) -> Primitive:
 
 
 def _solid(group: str, index: int, solid: Solid) -> Primitive:
+    if solid.surface is not None:
+        return Primitive(group, index, 'triangles', GRAY, _BODY, triangles(solid.surface),
+                         pose=solid.pose)
     return Primitive(group, index, solid.kind, GRAY, _BODY, pose=solid.pose, size=solid.size)

@@ -119,8 +119,23 @@ def _shape_rows(shape: Shape) -> list[Row]:
         rows.append(('axis from itself', figure(shape.self_distance), 'm'))
     if shape.contacts:
         rows += [('contacts', str(len(shape.contacts)), ''),
-                 ('largest contact force', figure(max(one.force for one in shape.contacts)), 'N')]
+                 ('largest contact force', figure(max(one.force for one in shape.contacts)), 'N'),
+                 *_rows_by_name(shape)]
     return rows
+
+
+_MOST_NAMED = 5  # obstacles of a table: those that are pressed most
+
+
+def _rows_by_name(shape: Shape) -> list[Row]:
+    """Return what a DLO presses with on each obstacle that has a name, N."""
+    forces: dict[str, float] = {}
+    for one in shape.contacts if shape.obstacles else ():
+        name = shape.obstacles[one.obstacle].name
+        if name:
+            forces[name] = forces.get(name, 0.0) + one.force
+    return [(f'presses {name} with', figure(forces[name]), 'N')
+            for name in sorted(forces, key=lambda name: -forces[name])[:_MOST_NAMED]]
 
 
 def _held_rows(shape: Shape) -> list[Row]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from meshes import blocks, box, ring
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
@@ -18,7 +19,9 @@ from dlo_planner import (  # noqa: E402  mujoco may be missing
     Cylinder,
     DirectSimulator,
     FarEnd,
+    Hull,
     InvalidTask,
+    Mesh,
     NotConverged,
     Plane,
     Pose,
@@ -31,6 +34,8 @@ from dlo_planner.cell.truth import UNCERTAIN, VERY_UNCERTAIN, Truth, Unknowns  #
 
 TIP_A = 0.579107656, 0.244237020  # benchmark A of the paper
 FLOATING = (0.0, 0.0, 0.0)
+BLOCK = Pose.looking_along((1.01, 0, 0.949), (1, 0, 0.2))
+NOTCHED = blocks([(-0.05, 0.0, 0.05)] * 3, [[[0, 1], [1, 1]], [[1, 1], [1, 1]]])  # below
 HOLE = CutOut(Pose.looking_along((0.8, 0, 1), (1, 0, 0)), radius=0.01)
 
 
@@ -182,8 +187,9 @@ def test_gripper_turns_evenly():
 @pytest.mark.parametrize('prop', [
     Sphere((0.99, 0, 0.948), 0.05), Capsule((0.99, -0.5, 0.948), (0.99, 0.5, 0.948), 0.05),
     Cylinder((0.99, -0.5, 0.948), (0.99, 0.5, 0.948), 0.05),
-    Plane((1, 0, 0.998), (-0.2, 0, 1)),
-    Box(Pose.looking_along((1.01, 0, 0.949), (1, 0, 0.2)), (0.1, 0.1, 0.1))])
+    Plane((1, 0, 0.998), (-0.2, 0, 1)), Box(BLOCK, (0.1, 0.1, 0.1)),
+    Hull(box((0.1, 0.1, 0.1)).vertices, BLOCK), Mesh(*box((0.1, 0.1, 0.1)), BLOCK),
+    Mesh(*NOTCHED, BLOCK)])
 def test_force_of_a_prop(prop):
     # the gripper is lowered until the prop bears 3 EI d / x^3 at x, where it touches
     plant = Plant(beam(), at(z=1.02), [Sphere((0, 0, 0.5), 0.1), prop], gravity=FLOATING, cells=20,
@@ -193,10 +199,15 @@ def test_force_of_a_prop(prop):
         plant.move(at(z=1.02 - 3e-4 * k), 0.01)
     for _ in range(100):
         plant.move(plant.measured, 0.01)
-    touching = {Sphere: 0.99, Capsule: 0.99, Cylinder: 0.99, Plane: 1.0, Box: 1.0}[type(prop)]
+    touching = 0.99 if isinstance(prop, Sphere | Capsule | Cylinder) else 1.0
     assert plant.forces[0] == 0
     assert plant.forces[1] == pytest.approx(3 * 0.01 / touching**3, rel=0.04)
     assert plant.largest_forces[1] >= plant.forces[1]
+
+
+def test_what_would_be_too_many_parts_is_refused():
+    with pytest.raises(InvalidTask, match='expected at most 2000 triangles of what is not convex'):
+        Plant(beam(), at(z=1.02), [Mesh(*ring(0.1, 0.03, 48, 24))])
 
 
 @pytest.mark.parametrize(('friction', 'follows'), [(0.0, True), (0.3, False)])

@@ -17,6 +17,7 @@ import yaml
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from solids import block, stl
 
 from dlo_planner import (
     CutOut,
@@ -36,10 +37,11 @@ from dlo_planner.cli.main import BAD_INPUT, FAULT, INTERRUPTED, NO_SOLUTION, mai
 from dlo_planner.direct.grasp import grasped_at
 from dlo_planner.parallel import CapabilityMap
 from dlo_planner.results import ValidationReport
+from dlo_planner.scene import Scene
 from dlo_planner.settings.build import rod_of
 from dlo_planner.settings.yaml_files import read_values
 
-COMMANDS = ['cable', 'shape', 'thread', 'plan', 'replay', 'identify', 'map', 'doctor']
+COMMANDS = ['cable', 'shape', 'thread', 'plan', 'replay', 'identify', 'map', 'scene', 'doctor']
 QUICK = ['-p', 'simulator.n_elements=16', '-p', 'simulator.n_terms=6', '-p', 'rod.diameter=0.0015',
          '-p', 'threading.waypoints=6', '-p', 'threading.deepest=0.3',
          '-p', 'threading.max_misalignment=0']  # obliquely, so few would miss on the way
@@ -110,6 +112,66 @@ def test_obstacles_are_read_and_touched():
     Path('bad.yaml').write_text('- sphere: {center: [9, 0, 0]}\n')
     result = run('shape', 'copper_wire', '-g', '0,0,1', '--obstacles', 'bad.yaml')
     assert result.exit_code == BAD_INPUT and 'bad.yaml[0].sphere: expected radius' in result.output
+
+
+SHEET = '''obstacles:
+- box: {pose: [9, 5, 0], size: [1, 1, 1]}
+- sheet: {name: panel, pose: [0.4, 0, 1], width: 0.3, height: 0.2, thickness: 0.004,
+          cutouts: [{pose: [0.4, 0, 1], radius: 0.02}]}
+'''
+
+
+def test_a_scene_is_listed_and_written():
+    Path('cell.yaml').write_text(SHEET)
+    result = run('scene', 'cell.yaml', '--friction', '0.3', '-o', 'cell.scene', '-o', 'cell.xml',
+                 '-o', 'cell.png')
+    assert result.exit_code == 0, result.output
+    lines = result.output.splitlines()
+    assert Path('cell.png').stat().st_size > 10_000
+    assert lines[0] == '2 obstacles, 1 cut-out'
+    assert lines[2].split() == ['box', '0', 'Box', '9', '5', '0', '1', 'x', '1', 'x', '1', '0.3']
+    assert lines[5].split() == ['panel', '0.4,0,1,1,0,0', 'radius', '0.02']
+    again = run('scene', 'cell.scene', '--scene-unit', 'mm', '--scene-at', '0,0,0.5')
+    assert 'box 0  Box    0.009 0.005 0.5  0.001 x 0.001 x 0.001' in again.output
+    Path('it.stl').write_bytes(stl(*block((1000, 1000, 20), (0, 0, 890))))
+    result = run('shape', 'copper_wire', *QUICK, '-g', '0,0,1', '--scene', 'it.stl', '-o',
+                 'wire.scene')
+    assert result.exit_code == 0 and 'largest contact force' in result.output, result.output
+    assert 'it.stl: 1 obstacle, 0 cut-outs' in result.output
+    assert 'note: it.stl states no unit: mm are assumed' in result.output
+    assert run('scene', 'wire.scene').output.startswith('16 obstacles, 0 cut-outs')
+    assert len(Scene.read('wire.scene').obstacles) == 16
+
+
+def test_a_scene_that_is_not_understood_is_bad_input():
+    Path('arm.xml').write_text('<mujoco><worldbody><body><joint name="a b" type="hinge"/>'
+                               '<geom size=".1"/></body></worldbody></mujoco>')
+    for given, said in ((['arm.xml'], '--joint "a b=0"'),
+                        (['arm.xml', '--joint', 'a b'], "--joint 'a b': expected NAME=VALUE"),
+                        (['arm.xml', '-o', 'it.stl'], '.svg .pdf .scene .xml .yaml')):
+        result = run('scene', *given)
+        assert result.exit_code == BAD_INPUT and said in result.output, result.output
+    assert run('scene', 'arm.xml', '--joint', 'a b=0.1').exit_code == 0
+
+
+def test_a_hole_is_meant_by_its_name_from_both_sides():
+    Path('cell.yaml').write_text(SHEET)
+    quick = [*QUICK, '--scene', 'cell.yaml', '-o', 'plan.csv']
+    for hole, side in (('panel', -1), ('panel:back', 1)):
+        result = run('thread', 'copper_wire', *quick, '--hole', hole)
+        assert result.exit_code == 0 and 'clearance' in result.output, result.output
+        with open('plan.csv', encoding='utf-8') as file:
+            row = next(csv.DictReader(file))
+        assert np.sign(float(row['x']) - 0.4) == side and float(row['clearance']) > 0.01
+    result = run('thread', 'copper_wire', *quick, '--hole', 'panl')
+    assert result.exit_code == BAD_INPUT and 'did you mean panel?' in result.output
+
+
+def test_the_file_of_the_parameters_counts_as_well():
+    Path('floor.yaml').write_text('- plane: {point: [0, 0, 0.9], normal: [0, 0, 1]}\n')
+    result = run('shape', 'copper_wire', *QUICK, '-g', '0,0,1', '-p', 'scene.file=floor.yaml',
+                 '-p', 'obstacles.friction=0.3')
+    assert result.exit_code == 0 and 'largest contact force' in result.output
 
 
 def test_a_held_far_end():
@@ -409,7 +471,8 @@ def examples():
 
 def test_every_help_has_examples_that_are_right():
     for name in ('my_cable.yaml', 'table.yaml', 'plan.npz', 'seen.csv', 'looks.yaml',
-                 'insert.yaml'):
+                 'insert.yaml', 'cell.scene', 'cell.xml', 'fixture.stl', 'gripper.urdf',
+                 'panel.stl'):
         Path(name).touch()
     shown = list(examples())
     assert {name for name, _ in shown} == {None, *COMMANDS}

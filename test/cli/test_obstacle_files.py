@@ -3,9 +3,21 @@
 """Obstacles in YAML files: by their class and its fields, the same for all of them."""
 
 import pytest
+from meshes import SOLIDS
 
-from dlo_planner import Box, Capsule, CutOut, Cylinder, InvalidTask, Plane, Pose, Sheet, Sphere
-from dlo_planner.cli.io import read_obstacles
+from dlo_planner import (
+    Box,
+    Capsule,
+    CutOut,
+    Cylinder,
+    InvalidTask,
+    Mesh,
+    Plane,
+    Pose,
+    Sheet,
+    Sphere,
+)
+from dlo_planner.scene import Scene
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 TEXT = """
@@ -22,10 +34,31 @@ KNOWN = (Plane((0, 0, 0.2), (0, 0, 1), 0.3), Sphere((1, 0, 0), 0.1),
          Box(LEVEL, (1, 2, 3)), Sheet(LEVEL, 1.0, 2.0, cutouts=[CutOut(LEVEL, radius=0.1)]))
 
 
+def test_a_mesh_is_read_from_its_file(tmp_path):
+    pytest.importorskip('trimesh').Trimesh(*SOLIDS['ring'], process=False).export(
+        tmp_path / 'ring.stl')
+    mesh, = read(tmp_path, f'- mesh: {{path: {tmp_path}/ring.stl, unit: mm, pose: [0, 0, 1], '
+                 'friction: 0.2}')
+    assert (len(mesh.faces), mesh.pose, mesh.friction, mesh.smooth) == (576, LEVEL, 0.2, True)
+    for text, said in (('{path: a.stl, unit: mm, size: 1}', 'mesh.size: expected one of path'),
+                       ('{path: none.stl, unit: mm}', 'mesh: path = .*: expected a file'),
+                       (f'{{path: {tmp_path}/ring.stl}}', 'mesh: unit = None: expected the unit')):
+        with pytest.raises(InvalidTask, match=said):
+            read(tmp_path, f'- mesh: {text}')
+
+
+def test_triangles_may_stand_in_the_file(tmp_path):
+    tetrahedron = ('{vertices: [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], '
+                   'faces: [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]}')
+    mesh, hull = read(tmp_path, f'- mesh: {tetrahedron}\n'
+                      '- hull: {points: [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]}')
+    assert mesh == Mesh(hull.points, [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
+
+
 def read(tmp_path, text):
     path = tmp_path / 'scene.yaml'
     path.write_text(text)
-    return read_obstacles(path)
+    return Scene.read(path).obstacles
 
 
 def test_each_kind_is_read(tmp_path):
@@ -37,7 +70,7 @@ def test_each_kind_is_read(tmp_path):
     ('- sphere: {center: [0, 0, 0], radius: 1, radios: 2}', 'sphere.radios: expected one of'),
     ('- cylinder: {start: [0, 0, 0], end: [0, 0, 0], radius: 1}', 'Cylinder.end'),
     ('- sheet: {}', 'sheet: expected pose, width'),
-    ('- [sphere]', 'expected one of plane, sphere, .*, with its values'),
+    ('- [sphere]', 'expected one of file, plane, sphere, .*, with its values'),
     ('- cone: {}', 'expected one of')])
 def test_what_is_wrong_is_named(tmp_path, text, said):
     with pytest.raises(InvalidTask, match=said):

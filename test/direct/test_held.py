@@ -411,12 +411,12 @@ def test_an_obstacle_that_is_not_touched_changes_nothing():
 
 
 def test_what_does_not_come_out_of_an_obstacle_says_of_which():
-    wall = Sheet(Pose((0.35, 0, 0), (0, 0, 0, 1)), 3.0, 3.0, 4e-3)  # between both grips
+    wall = Sheet(Pose((0.35, 0, 0), (0, 0, 0, 1)), 3.0, 3.0, 4e-3, name='wall between both grips')
     direct = DirectSimulator(cable(10.0), basis='local', n_elements=24, obstacles=[
         Plane((0, 0, -5), (0, 0, 1)), wall])
     shape = direct.solve(HERE, far_end=Pose((0.7, 0, 0), (0, 0, 0, 1)))
     assert not shape.converged
-    assert 'inside obstacle 1 and does not come out' in shape.status
+    assert 'inside wall between both grips and does not come out' in shape.status
 
 
 # ------------------------------------------------------------------------------------------------

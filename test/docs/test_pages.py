@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
+from solids import circle, plate, rectangle, stl
 
 from dlo_planner import (
     CutOut,
@@ -96,6 +97,44 @@ def test_the_commands_of_the_how_to_find_the_cable(tmp_path, monkeypatch):
     assert abs(float(stiffness[1]) - 0.03) < 1e-4
 
 
+GRIPPER = '''<robot name="gripper">
+<link name="palm"><collision><geometry><box size="0.05 0.1 0.08"/></geometry></collision></link>
+<link name="pad"><collision><geometry><box size="0.05 0.01 0.02"/></geometry></collision></link>
+<joint name="finger" type="prismatic"><parent link="palm"/><child link="pad"/><axis xyz="0 1 0"/>
+<limit lower="0" upper="0.04" effort="1" velocity="1"/></joint></robot>'''
+
+
+def put_files_of_a_cell(tmp_path):
+    for name in ('mujoco', 'trimesh'):
+        pytest.importorskip(name)
+    (tmp_path / 'cell.xml').write_text('<mujoco><worldbody><geom type="box" size=".1 .1 .1" pos='
+                                       '"0.5 0 0.7" name="block"/></worldbody></mujoco>')
+    (tmp_path / 'gripper.urdf').write_text(GRIPPER)
+    (tmp_path / 'panel.stl').write_bytes(stl(*plate(
+        rectangle(400, 300), [circle(15, 64)], 4, step=40)))
+
+
+def test_what_is_said_of_a_cell_is_right(tmp_path, monkeypatch, capsys):
+    put_files_of_a_cell(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    text = (DOCS / 'terminal.md').read_text().partition('## Your cell')[2]
+    lines = [shlex.split(line) for line in re.findall(r'^ {4}dlo-planner (.*)$', text, re.M)]
+    assert [line[0] for line in lines] == ['scene'] * 3 + ['shape', 'thread']
+    for line in lines:
+        quick = [] if line[0] == 'scene' else [
+            '-p', 'threading.waypoints=10', '-p', 'threading.max_misalignment=0']
+        done = CliRunner().invoke(main, line + quick)
+        assert done.exit_code == 0, (line, done.output)
+    (tmp_path / 'list.yaml').write_text(blocks('terminal.md', 'yaml')[0])
+    done = CliRunner().invoke(main, ['scene', 'list.yaml'])
+    assert done.exit_code == 0 and '3 obstacles, 1 cut-out' in done.output, done.output
+    names = {}
+    exec(compile(blocks('terminal.md', 'python')[0], 'terminal.md', 'exec'), names)
+    assert '1 obstacle, 1 cut-out' in capsys.readouterr().out and names['hole'].radius < 0.015
+    written = names['Scene'].read('with_wire.scene')
+    assert written['wire/0'] and len(written.cutouts) == 1
+
+
 def test_the_code_of_each_equation_exists():
     told = re.findall(r'Code: (`.*?)\n\n', (DOCS / 'theory.md').read_text(), re.S)
     named = re.findall(r'`([a-z_.0-9]+)\.(\w+)`', '\n'.join(told))
@@ -124,11 +163,11 @@ def commands(begin):
 def test_commands_that_pages_show_are_understood(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ('my_cable.yaml', 'identified.yaml', 'insert.yaml', 'plan.npz', 'seen.csv',
-                 'level.csv', 'up.csv'):
+                 'level.csv', 'up.csv', 'cell.xml', 'panel.stl', 'panel.yaml', 'gripper.urdf'):
         (tmp_path / name).touch()
     shown = {tuple(shlex.split(line)) for line in commands('dlo-planner')}
-    assert {name for name, *_ in shown} >= {'doctor', 'shape', 'thread', 'replay', 'identify',
-                                            'map', 'cable', 'plan'}
+    assert {name for name, *_ in shown} >= {'doctor', 'scene', 'shape', 'thread', 'replay',
+                                            'identify', 'map', 'cable', 'plan'}
     for name, *arguments in shown:
         if '--help' not in arguments:
             main.get_command(None, name).make_context(name, arguments)
@@ -143,6 +182,7 @@ def test_the_commands_of_the_page_of_the_terminal_run(tmp_path, monkeypatch):
     help_text = CliRunner().invoke(main, ['plan', '--help']).output
     (tmp_path / 'insert.yaml').write_text(
         re.search(r'insert\.yaml:\n((?: {4,}.*\n)+)', help_text)[1])
+    put_files_of_a_cell(tmp_path)
     points = DirectSimulator(Rod.circular(0.5, 0.006, 1600.0, 2e7, 0.4)).solve(
         Pose((0, 0, 1), (0, 0, 0, 1))).positions[6::3]
     np.savetxt(tmp_path / 'seen.csv', points, delimiter=',', header='x,y,z', comments='')

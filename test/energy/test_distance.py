@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from meshes import SOLIDS
 from scipy.optimize import minimize
 
 from dlo_planner import (
@@ -12,14 +13,16 @@ from dlo_planner import (
     CutOut,
     Cylinder,
     Ellipsoid,
+    Hull,
     InvalidTask,
+    Mesh,
     Plane,
     Pose,
     Sheet,
     Sphere,
 )
 from dlo_planner.energy import scene as scenes
-from dlo_planner.energy.scene import KINDS, SHEET, build_scene, signed_distance
+from dlo_planner.energy.scene import KINDS, build_scene, is_convex, signed_distance
 from dlo_planner.model import obstacles
 from dlo_planner.model.rod import Surface
 
@@ -34,7 +37,8 @@ OBSTACLES = [Plane((0, 0, 0.2), (1, 2, 3)), Sphere((0.3, 0.1, 0.2), 0.15),
              Sheet(POSE, 0.5, 0.6, 0.02, [ROUND, SQUARE]), Sheet(POSE, 0.5, 0.4, 0.0, SQUARE),
              Cylinder((0.3, 0, 0.1), (0.1, 0.1, 0.3), 0.12),
              Cylinder((0.1, -0.2, 0.3), (0.12, -0.18, 0.31), 0.3),
-             Ellipsoid(POSE, (0.1, 0.3, 0.2)), Ellipsoid(POSE, (0.4, 0.02, 0.4))]
+             Ellipsoid(POSE, (0.1, 0.3, 0.2)), Ellipsoid(POSE, (0.4, 0.02, 0.4)),
+             Hull(SOLIDS['wedge'].vertices, POSE), Mesh(*SOLIDS['bracket'], POSE)]
 SCENE = build_scene(OBSTACLES, 0.0)
 
 
@@ -73,7 +77,7 @@ def test_each_kind_is_tried_and_has_its_number():
     assert [getattr(scenes, kind.upper()) for kind in KINDS] == list(range(len(KINDS)))
 
 
-@pytest.mark.parametrize('body', np.flatnonzero(SCENE.kind != SHEET))  # has rules of its own
+@pytest.mark.parametrize('body', [o for o in range(SCENE.kind.size) if is_convex(SCENE, o)])
 def test_a_body_is_convex(body, rng):
     # contacts, passages and the workspace take the plane at its nearest point as a bound of all
     def away(x):

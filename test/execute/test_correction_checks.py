@@ -160,7 +160,7 @@ def test_a_correction_keeps_workspace_and_obstacles(observing):
     assert 'beyond workspace.upper.z' in said(low.inverse)
     tip = correction.shapes[-1].positions[-1]
     filled = scene(Box(Pose(tip, (0, 0, 0, 1)), (0.02, 0.02, 0.02)))
-    assert 'm in Box 0' in said(filled.inverse)
+    assert 'm in marker 0' in said(filled.inverse)
     far = replace(correction, offsets=correction.offsets + 0.1)
     assert 'observe.largest_correction = 0.05 m' in rejection_reason(far, LARGEST)
     lost = replace(correction, converged=False)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A DLO that is held inside: its front is threaded, what is behind the gripper is in the way."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -120,11 +121,12 @@ def test_what_is_behind_the_gripper_is_in_the_way(held):
 def test_it_is_in_the_way_between_the_waypoints_too(held):
     # thinner than a step, and the part behind is drawn past it
     a, b = (held.shapes[k].positions[10] for k in (20, 30))
-    bar = Sphere(0.5 * (a + b) + np.array([0, 1.5e-3, 0]), 1e-3)
+    bar = Sphere(0.5 * (a + b) + np.array([0, 1.5e-3, 0]), 1e-3, name='pin {3}')
     inverse = InverseSimulator(DirectSimulator(ROD, obstacles=[bar]))
     with pytest.raises(Infeasible) as refused:
         inverse.thread(HOLE, hold_at=AT, depths=held.depths[[0, 20, 30]])
-    assert refused.value.constraint == 'clearance' and 'on the way there' in str(refused.value)
+    assert refused.value.constraint == 'clearance'
+    assert re.search(r'on the way there the DLO is [\d.e-]+ m in pin \{3\}', str(refused.value))
     with pytest.raises(Infeasible, match='on the way there'):
         inverse.check(replace(held, **{name: getattr(held, name)[10::20] for name in (
             'depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times',

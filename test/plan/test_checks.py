@@ -103,6 +103,15 @@ def test_obstacles_beside_the_way_are_avoided_or_named():
     assert caught.value.constraint == 'clearance' and 0 < caught.value.waypoint <= 5
 
 
+def test_an_obstacle_that_has_a_name_is_called_by_it():
+    middle = FREE.shapes[5].at(0.3).position
+    post = Box(Pose(middle, (0, 0, 0, 1)), (0.01, 0.01, 0.01), name='post {2}')
+    with pytest.raises(Infeasible, match=r'the DLO is [\d.e-]+ m in post \{2\}; .*clearance'):
+        thread(obstacles=[post])
+    way = Workspace(keep_out=[post])
+    assert way.min_margin(Pose(middle, (0, 0, 0, 1)))[0] == 'workspace.keep_out[post {2}]'
+
+
 @pytest.mark.parametrize('size', [{'radius': 4e-3}, {'width': 8e-3, 'height': 0.02}])
 @pytest.mark.parametrize('thickness', [0.0, 4e-3])
 def test_clearances_against_dense_sampling(size, thickness):

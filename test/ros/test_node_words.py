@@ -137,6 +137,31 @@ def test_obstacles_are_called_by_their_names(inside, node):
     clear(inside, node)
 
 
+def test_the_file_of_the_cell_is_drawn_and_its_obstacles_are_called_by_their_names(
+        inside, node, tmp_path):
+    path = tmp_path / 'cell.yaml'
+    path.write_text('''- box: {name: cupboard, pose: [0.1, -0.2, 1], size: [0.1, 0.1, 0.1]}
+- sheet: {name: panel, pose: [5, 0, 1], width: 0.3, height: 0.2,
+          cutouts: [{pose: [5, 0, 1], radius: 0.02}]}
+''')
+    inside.send_obstacles([box(8)])
+    assert until(lambda: len(state(node).scene.bodies) == 1)
+    assert inside.set_parameters(scene__file=str(path))[0].successful
+    assert until(lambda: len(state(node).scene.direct.obstacles) == 3)
+    assert inside.predict_shape(HERE)[0].poses == []
+    code, message, _ = inside.status_of('predict_shape')
+    assert code == Cause.IN_OBSTACLE and 'inside obstacle cupboard' in message
+    shown = node.shared.markers
+    shown.flush()
+    groups = [one.ns for one in shown._parts['obstacles']]
+    assert groups.count('obstacle') == 3 and {'scene cutout'} <= set(groups)
+    refused = inside.set_parameters(scene__file=str(tmp_path / 'no.xml'))[0]
+    assert not refused.successful and 'scene.file' in refused.reason
+    assert inside.set_parameters(scene__file='')[0].successful
+    clear(inside, node)
+    assert until(lambda: not state(node).scene.direct.obstacles)
+
+
 @pytest.mark.parametrize(('spoil', 'named'), [
     (lambda marker: setattr(marker.pose.position, 'x', 1e20),
      'obstacles.markers[0].pose.position = [1e+20, 5.0, 0.0]'),

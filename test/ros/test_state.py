@@ -11,7 +11,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Infeasible, Pose, Sphere, replay
+from dlo_planner import Infeasible, InvalidTask, Pose, Sphere, replay
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Feedback
 from dlo_planner.execute.guards import Enabled, Guards
@@ -295,6 +295,24 @@ def test_each_guard_and_figure_of_seeing_is_that_of_its_parameter():
             for one, name in named.items()} == given
     assert Scene.of({**VALUES, 'observe.robot_time': 0.0}).seeing.robot_time == np.inf
     assert scene(BALL).solid.keep_out == tuple(body.obstacle for body in BALL.values())
+
+
+def test_what_the_file_of_the_cell_says_stands_before_the_bodies(tmp_path):
+    path = tmp_path / 'cell.yaml'
+    path.write_text('- sphere: {name: lamp, center: [0, 5, 0], radius: 0.1}\n'
+                    '- sphere: {center: [0, 5, 1], radius: 0.1, friction: 0}\n')
+    nameless = scene({('', 4): BALL['cell', 3], ('two\nlines', 5): BALL['cell', 3]})
+    assert [one.name for one in nameless.direct.obstacles] == ['marker 4', 'two?lines/5']
+    made = scene(BALL, scene__file=str(path), obstacles__friction=0.3)
+    assert [one.name for one in made.direct.obstacles] == ['lamp', 'sphere 1', 'cell/3']
+    assert [one.friction for one in made.direct.obstacles] == [0.3, 0.0, 0.3]
+    assert made.workspace.keep_out == made.direct.obstacles
+    assert not made.keeps_plans(scene(BALL, obstacles__friction=0.3))
+    (tmp_path / 'bad.stl').write_text('x')
+    for name, said in (('no.xml', 'expected a file, there is none'),
+                       ('bad.stl', 'expected triangles')):
+        with pytest.raises(InvalidTask, match=f'parameter scene.file: .*{name}.*{said}'):
+            scene(scene__file=str(tmp_path / name))
 
 
 def test_nothing_is_lost_when_several_threads_change_it():

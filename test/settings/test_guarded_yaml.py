@@ -14,7 +14,9 @@ from properties import given, settings
 from properties import strategies as st
 
 from dlo_planner import InvalidTask
-from dlo_planner.cli.io import read_observations, read_obstacles, read_poses
+from dlo_planner.cli.io import read_poses
+from dlo_planner.scene import Scene
+from dlo_planner.settings.looks import read_observations
 from dlo_planner.settings.tasks import read_task
 from dlo_planner.settings.yaml_files import (
     config_file,
@@ -25,7 +27,7 @@ from dlo_planner.settings.yaml_files import (
 )
 
 READERS = {'values': read_values, 'task': read_task, 'poses': read_poses,
-           'obstacles': read_obstacles, 'observations': lambda path: read_observations([path], [])}
+           'obstacles': Scene.read, 'observations': lambda path: read_observations([path], [])}
 BOMB = 'a0: &a0 [1, 1]\n' + ''.join(
     f'a{k}: &a{k} [{", ".join([f"*a{k - 1}"] * 10)}]\n' for k in range(1, 11))
 WRONG = {  # what is written, and what is said of it

@@ -29,7 +29,15 @@ def look(tmp_path, text, name='seen.csv', unit='m'):
     ('"y","z","x"\n"0","0.98","0.2"\n"0.01","0.86","0.5"\n', 'm'),
     ('x [mm]\ty [mm]\tz (m)\n200\t0\t0.98\n500\t10\t0.86\n', 'm'),
     ('x_mm,y_cm,z\n200,0,98\n500,1,86\n', 'cm'),
-    ('x;y;z\n200;0;980\n500,0;10,0;860,0\n', 'mm')])
+    ('x;y;z\n200;0;980\n500,0;10,0;860,0\n', 'mm'),
+    ('sep=;\nx;y;z\n0,2;0;0,98\n0,5;0,01;0,86\n', 'm'),  # for Excel
+    ('id;x / mm;Y/mm;z mm\n1;200;0;980\n2;500;10;860\n', 'm'),
+    ('x,y,z,id\n[mm],[cm],m,\n200,0,0.98,a\n500,1,0.86,b\n', 'm'),  # a line of units
+    ('x,y,z\nmm,mm,mm\n200,0,980\n500,10,860\n', 'm'),
+    ('tip_x,tip_y,tip_z,tip_w\n0.2,0,0.98,1\n0.5,0.01,0.86,1\n', 'm'),
+    ('pose.position.x [mm];pose.position.y;pose.position.z\n200;0;0,98\n500;0,01;0,86\n', 'm'),
+    ('x,y,z\n0.2,0,0.98\nnan,NaN,nan\n,,\n0.5,0.01,0.86\n', 'm')])
+@pytest.mark.filterwarnings('ignore::dlo_planner.errors.DoubtfulInput')
 def test_columns_are_what_they_are_called(tmp_path, text, unit):
     one = look(tmp_path, text, unit=unit)
     np.testing.assert_allclose(one.points, POINTS, atol=1e-12)
@@ -62,6 +70,11 @@ def test_what_the_terminal_writes_of_a_shape_is_read_as_its_points(tmp_path):
     ('s,xx,y,z\n0.1,0.2,0,1\n', 'expected a column x, .* did you mean x?'),
     ('time,x,y,z\n0,0.2,0,1\n1,0.3,0,1\n', 'column time changes: expected points of a DLO at rest'),
     ('x,y,z\n', 'expected lines of x, y, z'), ('', 'expected lines of x, y, z'),
+    ('a.x,a.y,a.z,b_x,b_y,b_z\n1,2,3,4,5,6\n', 'one place in each line, got a.x and b_x'),
+    ('a.x,a.y,b.z\n1,2,3\n', 'expected columns x, y and z'),
+    ('x,y,z\nnan,nan,nan\n', "line 2: x = 'nan'"),
+    ('x,y,z\n0.2,,0.98\n', "line 2: y = ''"),
+    ('x,y,z\nmm,ft,mm\n1,2,3\n', r"'y \[ft\]': expected a unit out of m"),
     ('x,y,"z\n1,2,3\n', 'a quote is not closed'),
     (f'x,y,z\n0.2,0,{"1" * 200_000}\n', 'line 2: expected lines of x, y, z, field larger'),
     ('x,y,z\n1_0,2,3\n', "line 2: x = '1_0'")])
@@ -76,6 +89,34 @@ def test_a_column_that_is_not_read_is_said(tmp_path):
         look(tmp_path, 'x,y,z,S1\n0.2,0,1,0.2\n')
 
 
+def test_lines_that_are_left_out_are_said(tmp_path):
+    with pytest.warns(DoubtfulInput, match=r'left out as not seen, .*: line 2, 4$'):
+        one = look(tmp_path, 's,x,y,z\n0,,,\n0.2,0.2,0,0.98\n0.3,nan,nan,nan\n0.5,0.5,0.01,0.86\n')
+    np.testing.assert_allclose(one.points, POINTS)
+    np.testing.assert_allclose(one.s, (0.2, 0.5))
+
+
+@pytest.mark.parametrize('ending', ['.txt', '.dat', '.xyz'])
+def test_tables_by_other_endings(tmp_path, ending):
+    one = look(tmp_path, '200 0 980\n500 10 860\n', f'seen{ending}', 'mm')
+    np.testing.assert_allclose(one.points, POINTS)
+
+
+def test_points_of_a_scan(tmp_path):
+    pytest.importorskip('trimesh')
+    head = ('ply\nformat ascii 1.0\nelement vertex 2\n'
+            + ''.join(f'property float {axis}\n' for axis in 'xyz') + 'end_header\n')
+    one = look(tmp_path, head + '200 0 980\n500 10 860\n', 'seen.ply', 'mm')
+    np.testing.assert_allclose(one.points, POINTS, rtol=1e-6)
+    with pytest.raises(InvalidTask, match='seen.ply: expected points of a .ply file'):
+        look(tmp_path, head + '200 0\n', 'seen.ply')
+
+
+def test_other_files_are_no_points(tmp_path):
+    with pytest.raises(InvalidTask, match=r'seen.pcd: expected a file that ends with .*\.ply'):
+        look(tmp_path, '', 'seen.pcd')
+
+
 def test_two_of_three_axes_are_a_picture(tmp_path):
     with pytest.warns(DoubtfulInput, match='without y, which counts as not measured'):
         one = look(tmp_path, 'z,x,s\n0.98,0.2,0.21\n0.86,0.5,0.53\n')
@@ -88,6 +129,12 @@ def test_arrays_of_numpy(tmp_path):
     np.save(tmp_path / 'seen.npy', 1e3 * POINTS)
     one, = read_observations([tmp_path / 'seen.npy'], [LEVEL], 'mm')
     np.testing.assert_allclose(one.points, POINTS)
+    named = np.zeros(2, dtype=[('id', 'i4'), ('z', 'f4'), ('x', 'f8'), ('y', 'f8'), ('s', 'f8')])
+    named['x'], named['y'], named['z'], named['s'] = *POINTS.T, (0.2, 0.5)
+    np.save(tmp_path / 'seen.npy', named)
+    one, = read_observations([tmp_path / 'seen.npy'], [LEVEL])
+    np.testing.assert_allclose(one.points, POINTS, rtol=1e-7)
+    assert one.s.tolist() == [0.2, 0.5]
     np.save(tmp_path / 'seen.npy', np.ones((2, 4)))
     with pytest.raises(InvalidTask, match=r'seen.npy has shape \(2, 4\)'):
         read_observations([tmp_path / 'seen.npy'], [LEVEL])

@@ -11,7 +11,7 @@ from matplotlib import pyplot
 from matplotlib.figure import Figure
 from specimens import capability, values
 
-from dlo_planner import InvalidTask
+from dlo_planner import DirectSimulator, InvalidTask, Plane, Pose, Rod, Sphere
 
 matplotlib.use('Agg')
 NAMES = ['Fit', 'Estimate', 'Robustness', 'Trajectory', 'CapabilityMap', 'Shapes']
@@ -99,3 +99,17 @@ def test_bars_are_as_long_as_deviations_and_shapes_lie_where_they_are():
     drawn = np.concatenate([path.vertices for one in axes.collections for path in one.get_paths()])
     for point in shapes.positions[:, :, [0, 2]].reshape(-1, 2):
         assert np.abs(drawn - point).sum(axis=1).min() < 1e-9
+
+
+def test_a_shape_tells_what_it_presses_by_name():
+    rod, hand = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01), Pose((0, 0, 1), (0, 0, 0, 1))
+    floor = Plane((0, 0, 0.9), (0, 0, 1), name='work bench')
+    simulator = DirectSimulator(rod, n_elements=16, n_terms=8, obstacles=[Sphere((9, 9, 9), 1.0),
+                                                                          floor])
+    shape = simulator.solve(hand)
+    force = sum(one.force for one in shape.contacts)
+    line, = (line for line in shape.summary().splitlines() if 'presses' in line)
+    assert line.split()[:4] == ['presses', 'work', 'bench', 'with']
+    assert float(line.split()[4]) == pytest.approx(force, rel=1e-3) and force > 0
+    unnamed = simulator.with_obstacles([Plane((0, 0, 0.9), (0, 0, 1))]).solve(hand)
+    assert unnamed.contacts and 'presses' not in unnamed.summary()

@@ -4,9 +4,10 @@
 
 import numpy as np
 import pytest
+from meshes import SOLIDS, ball
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import CutOut, Pose
+from dlo_planner import CutOut, Mesh, Pose
 from dlo_planner.view.primitives import (
     Primitive,
     bars_between,
@@ -15,7 +16,9 @@ from dlo_planner.view.primitives import (
     rectangle,
     round_bar,
     tessellate,
+    triangles,
 )
+from dlo_planner.view.scene import obstacle_primitives
 
 PLACE = Pose.looking_along((1.0, 2.0, 3.0), (1.0, 1.0, 0.5))
 RED = (1.0, 0.0, 0.0)
@@ -29,6 +32,20 @@ def area(polygon):
 
 def local(points):
     return (np.asarray(points) - PLACE.position) @ PLACE.rotation
+
+
+def test_triangles_of_a_mesh_are_drawn_where_they_are():
+    drawn, = obstacle_primitives([Mesh(*SOLIDS['ring'], PLACE)])
+    corners = SOLIDS['ring'].vertices[SOLIDS['ring'].faces].reshape(-1, 3)
+    np.testing.assert_allclose(local(drawn.corners), corners, atol=1e-12)
+    assert len(tessellate(drawn)[1]) == len(SOLIDS['ring'].faces)
+
+
+def test_a_mesh_of_many_triangles_is_drawn_coarser():
+    fine = ball(0.1, 12_000)
+    drawn = triangles(fine)
+    assert len(drawn) < 3 * len(fine.faces)
+    np.testing.assert_allclose(np.linalg.norm(drawn, axis=1), 0.1, atol=3e-3)
 
 
 def test_a_box_has_six_faces_of_its_size():

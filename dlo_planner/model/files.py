@@ -51,10 +51,10 @@ def writable(path: str | PathLike[str]) -> Path:
     return Path(path)
 
 
-def text_of(path: str | PathLike[str]) -> str:
+def text_of(path: str | PathLike[str], most: int = _MOST_OF_TEXT) -> str:
     """Return the UTF-8 text of a file; raise as `readable` does, and of another encoding."""
     try:
-        content = readable(path, _MOST_OF_TEXT).read_bytes()
+        content = readable(path, most).read_bytes()
     except OSError as error:
         raise InvalidTask(f'{_named(path)}: expected a file to read, {error}') from None
     try:
