@@ -183,7 +183,8 @@ def test_a_gripper_does_not_leave_an_arch_through_its_wall(end, beyond):
     assert (found is not None) == beyond
     if beyond:
         assert found[:2] == (1, 'workspace.keep_out[0]')
-        assert found[2] == pytest.approx(0.01 + 0.02, abs=1e-5)  # its lower end is the nearest way out
+        # out of the leg its lower end is nearest
+        assert found[2] == pytest.approx(0.01 + 0.02, abs=1e-5)
 
 
 def test_a_dlo_without_a_radius_is_refused():
