@@ -24,6 +24,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Body, Box, Hull, Mesh, Obstacle, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Surface
+from dlo_planner.model.value import changed
 
 KINDS = ('plane', 'sphere', 'capsule', 'box', 'sheet', 'cylinder', 'ellipsoid', 'hull', 'mesh')
 PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER, ELLIPSOID, HULL, MESH = range(len(KINDS))
@@ -31,6 +32,7 @@ AXIS, EDGE, FACE, NODE_FACE = range(4)
 _SMOOTH = (PLANE, SPHERE, CAPSULE, ELLIPSOID)  # edges of a section need not be rounded there
 _BY_SECTIONS = (PLANE, SPHERE, CAPSULE, BOX, SHEET)  # what its edges and faces are watched against
 _REMEMBERED = 8    # trees over triangles, the last ones; one over 10^5 has 25 MB
+_HOME = Pose.identity()
 _MOST_SLOTTED = 2  # rectangular cut-outs of a sheet: each doubles its bodies
 _ROUNDING = 0.02  # of the smaller half size: of a section's edges where an obstacle has edges
 _ALL = (0, 2**31)  # nodes
@@ -119,11 +121,12 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
     holes: list[tuple[int, Floats, Floats, Floats]] = []
     for source, obstacle in enumerate(obstacles):
         if isinstance(obstacle, Mesh | Hull):
-            trees.append(_tree(obstacle))
+            at_home = changed(obstacle, pose=_HOME, friction=0.0)  # what all of its kind share
+            trees.append(_tree(at_home))
         smooth = isinstance(obstacle, Mesh) and obstacle.smooth and not sharp and radii[0] > 0.0
         if smooth:
             first_grid = len(grids)
-            grids += _grids(obstacle, radii)
+            grids += _grids(at_home, radii)
         for body, cutouts in _bodies(obstacle, surface.half is not None):
             kind = KINDS.index(body.kind)
             if surface.half is not None and kind not in _BY_SECTIONS:

@@ -104,7 +104,8 @@ def mended(vertices: Floats, faces: Ints) -> Surface:
 
 def hull(name: str, points: Floats) -> Surface:
     """Return the convex hull of points (n, 3), m; raise InvalidTask where they lie in a plane."""
-    from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415  (a quarter of a second)
+    from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415  (other bodies need none)
+
     try:
         found = ConvexHull(points)
     except (QhullError, ValueError):
@@ -256,8 +257,9 @@ def _oriented(vertices: Floats, faces: Ints) -> Ints:
     Each triangle is two nodes of a graph, as it is and turned; neighbors that agree join alike
     ones. A surface with one side alone stays as it is: it is refused later.
     """
-    from scipy.sparse import coo_matrix  # noqa: PLC0415  (a quarter of a second, as above)
+    from scipy.sparse import coo_matrix  # noqa: PLC0415  (what is no mesh needs none)
     from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
+
     edges = _edges(faces)
     pairs, which = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
     order = np.argsort(which.ravel(), kind='stable')

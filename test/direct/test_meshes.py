@@ -23,6 +23,7 @@ from dlo_planner import (
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.scene import build_scene
 from dlo_planner.plan.clearance import clearance
+from dlo_planner.plan.path import GripperPath
 
 RADIUS = 0.004
 SOFT = Rod(0.8, 0.05, 2e-3, 1.5e-3, radius=RADIUS)
@@ -142,6 +143,19 @@ def test_a_dlo_under_an_arch_is_held_by_it():
     assert pushed(lifted)[2] < 0  # down on the DLO
 
 
+def test_one_that_is_elsewhere_or_rubs_is_looked_into_once():
+    mesh = Mesh(*box((0.02, 0.02, 0.02)))
+    others = replace(mesh, pose=PLACE, friction=0.3), replace(mesh, smooth=True)
+    scene = build_scene([mesh], RADIUS)
+    for other in others:
+        same = build_scene([other], RADIUS)
+        assert same.trees.corner is scene.trees.corner
+        assert np.shares_memory(same.trees.box, scene.trees.box)
+    hull = Hull(mesh.vertices)
+    assert (build_scene([replace(hull, friction=0.1)], RADIUS).trees.corner
+            is build_scene([hull], RADIUS).trees.corner)
+
+
 def test_the_clearance_of_a_mesh_is_that_of_its_triangles():
     shape = DirectSimulator(SOFT, n_elements=32).solve(Pose((0, 0, 1), (0, 0, 0, 1)))
     lines = [(0.0, 0.03, 0.12, 0.2), (0.01, 0.1), (0.5, 0.55, 0.7)]
@@ -157,6 +171,20 @@ def test_the_gripper_keeps_out_of_meshes():
     name, margin = cell.min_margin(Pose((0, 0, -0.03), (0, 0, 0, 1)))
     assert name == 'workspace.keep_out[1]'
     assert margin == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(('end', 'beyond'), [((0.08, 0, -0.03), False), ((0.3, 0, -0.03), True),
+                                             ((0, 0.3, -0.03), False)])
+def test_a_gripper_does_not_leave_an_arch_through_its_wall(end, beyond):
+    # the plane at the nearest point, of its roof, says nothing of its legs
+    grippers = [Pose((0, 0, -0.03), (0, 0, 0, 1)), Pose(end, (0, 0, 0, 1))]
+    found = Workspace(keep_out=[ARCH], gripper_radius=0.01).first_beyond(
+        GripperPath.through(grippers, range(2), 1.0))
+    assert (found is not None) == beyond
+    if beyond:
+        assert found[:2] == (1, 'workspace.keep_out[0]')
+        # out of the leg its lower end is nearest
+        assert found[2] == pytest.approx(0.01 + 0.02, abs=1e-5)
 
 
 def test_a_dlo_without_a_radius_is_refused():
