@@ -29,10 +29,11 @@ from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.holds import FarEnd, Hold
 from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Ellipsoid, Plane, Sheet, Sphere
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.supports import FarEnd, PointLoad
+from dlo_planner.model.supports import PointLoad
 from dlo_planner.parallel.batch import solve_many
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import Limits
@@ -43,7 +44,7 @@ from dlo_planner.verify.replay import replay
 from dlo_planner.verify.robustness import robustness
 
 __all__ = ['Box', 'Capsule', 'ClosedLoop', 'CutOut', 'Cylinder', 'DeadlineExceeded',
-           'DirectSimulator', 'DloPlannerError', 'DoubtfulInput', 'Ellipsoid', 'FarEnd',
+           'DirectSimulator', 'DloPlannerError', 'DoubtfulInput', 'Ellipsoid', 'FarEnd', 'Hold',
            'HoldContact', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
            'LayOnLine', 'Limits', 'Minimize', 'NotConverged', 'Observer', 'Plan', 'Plane',
            'PointLoad', 'Pose', 'Rod', 'Shape', 'Sheet', 'SlideContact', 'Sphere', 'Thread',

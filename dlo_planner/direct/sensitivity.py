@@ -47,7 +47,7 @@ class Sensitivity:
         self.shape = shape
         here, gripper = shape.state.mesh, shape.gripper
         # the past before the step: what yields in it, yields along with the gripper
-        system = here.system(gripper.rotation, gripper.position, shape.state.held, shape.far_end,
+        system = here.system(gripper.rotation, gripper.position, shape.state.held, shape.holds,
                              culled=shape.state.culled)
         self._system, self._state, self._answers, self._hessian = linearize(
             system, here.unknowns(shape.element_strains))

@@ -67,9 +67,9 @@ def gripper_answers(system: Problem, q: Floats) -> tuple[Configuration, Floats, 
     factorize(system, hessian, 0.0)
     answers = np.zeros((6, q.shape[0], 3))
     load = np.empty_like(q)
-    held, last = row_count(system.needs.border), system.lengths.size
+    held = row_count(system.needs.border)
     moved, reaction = np.empty((held, 6)), np.empty(held)  # the grip does not go with the gripper
-    constraint_jacobian(system.effects, state.rotations[last], state.positions[last], moved)
+    constraint_jacobian(system.effects, state, moved)
     for column in range(hessian.cross.shape[2]):
         project(system.basis, -hessian.cross[:, :, column], load)
         solve_held(system, hessian, load, moved[:, column].copy(), answers[column], reaction)

@@ -178,7 +178,7 @@ class Shapes(Answer):
         shapes = items('shapes', shapes, Shape, least=1)
         s = shapes[0].s if s is None else row('s', s, least=2, minimum=0)
         for k, shape in enumerate(shapes):
-            if shape.far_end is not None or shape.parts is not None:
+            if shape.holds or shape.parts is not None:
                 raise InvalidTask(f'shapes[{k}] = {shape!r}: expected a DLO that only the gripper '
                                   'holds, at its beginning')
             if abs(shape.s[-1] - s[-1]) > _SAME * s[-1]:
