@@ -174,6 +174,7 @@ def _bent_nodes(mesh: Discretization, part: Stretch) -> Floats | None:
                   zip(span.bends, (s[1], length - s[-2]), strict=True))
     if begin.size + end.size == 2:
         return None
+    begin, end = (one[one < 0.5 * length] for one in (begin, end))  # of a short one they may meet
     inner = s[(s > begin[-1] + _APART * s[1] * (begin.size > 1))
               & (s < length - end[-1] - _APART * (length - s[-2]) * (end.size > 1))]
     return np.concatenate([begin, inner[(inner > 0) & (inner < length)], length - end[::-1]])

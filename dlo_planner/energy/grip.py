@@ -263,6 +263,23 @@ def put_misses_by_twist(hold, state, out):
                 out[row, 3 + i] = -hold.rows[row, 3 + i]
 
 
+@kernel
+def put_sliding_force(hold, a, force):
+    """Fill force (3,) with the derivative of the potential by the place of hold a's node, c being 0.
+
+    Returns whether the node slides: two directions of its place are held, no third.
+    """
+    directions = 0
+    force[:] = 0.0
+    for row in range(hold.first[a], hold.first[a + 1]):
+        held = False
+        for i in range(3):
+            force[i] += hold.multiplier[row] * hold.rows[row, 3 + i]
+            held |= hold.rows[row, 3 + i] != 0.0
+        directions += held
+    return directions == 2
+
+
 def hinged(effect: HoldRows, _: float) -> HoldRows:
     """Return the same with one more element before the first."""
     return effect._replace(node=effect.node + 1)
