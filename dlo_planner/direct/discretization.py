@@ -432,7 +432,7 @@ class Discretization(Value):
 
     def _hold_rows(self, holds: Holds, origin: Floats, force: Floats, springs: bool) -> HoldRows:
         """Return the HoldRows of Holds, with the forces (K,) that are known, N."""
-        stiffness = self.hold_spring if springs else 0.0
+        stiffness = self._spring_of(holds) if springs else 0.0
         axes = np.array([hold.pose.rotation for hold in holds])
         rows, = self.grip_rows(holds, axes[None])
         node, first = self.held_nodes(holds)
@@ -441,6 +441,14 @@ class Discretization(Value):
             np.array([hold.share for hold in holds]), rows,
             np.array(force) if force.shape == (len(rows),) else np.zeros(len(rows)), stiffness,
             stiffness * self.lever**2)
+
+    def _spring_of(self, holds: Holds) -> float:
+        """Return the `hold_spring` of a DLO as long as the shortest part between two grips, N/m."""
+        length, at, shortest = self.s.item(-1), 0.0, 1.0
+        for hold in holds:
+            place = hold.at(length)
+            shortest, at = min(shortest, (place - at) / length), place
+        return self.hold_spring / shortest**3
 
     def held_nodes(self, holds: Holds) -> tuple[Ints, Ints]:
         """Return the nodes (A,) that Holds are at, and where the rows (A + 1,) of each begin."""

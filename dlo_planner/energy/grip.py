@@ -244,6 +244,23 @@ def holds_node(hold, k):
 
 
 @kernel
+def shortest_span(hold, lengths):
+    """Return the length in m of the shortest part of a DLO between two grips, or of all of it."""
+    whole = np.sum(lengths)
+    if hold is None:
+        return whole
+    if hold.node.size == 0 or hold.node[0] == lengths.size:
+        return whole
+    shortest, begin = whole, 0
+    for a in range(hold.node.size):
+        span = 0.0
+        for e in range(begin, hold.node[a]):
+            span += lengths[e]
+        shortest, begin = min(shortest, span), hold.node[a]
+    return shortest
+
+
+@kernel
 def put_misses_by_twist(hold, state, out):
     """Fill out (K, 6): change of c per twist of each hold about its own origin, c being zero.
 
@@ -265,7 +282,7 @@ def put_misses_by_twist(hold, state, out):
 
 @kernel
 def put_sliding_force(hold, a, force):
-    """Fill force (3,) with the derivative of the potential by the place of hold a's node, c being 0.
+    """Fill force (3,) with the derivative of the potential by the place of hold a's node, at c = 0.
 
     Returns whether the node slides: two directions of its place are held, no third.
     """
