@@ -79,7 +79,8 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
     A shape that misses the accuracy on the largest mesh says so: `converged` is False. What is in
     contact may miss it on any: that is for `judged` to say, at the end of a step.
     """
-    accuracy, holds, inside = wanted, how.holds, places_of(how.holds)
+    accuracy, holds = wanted, how.holds
+    inside = places_of(holds) if holds and holds[0].s is not None else ()
     if inside:
         fine = 'local'  # see `Discretization.with_nodes`
     mesh = mesh_to_begin_with(first, fine, accuracy, initial, how.memory)
@@ -87,7 +88,7 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
         from dlo_planner.direct.taut import bent_mesh  # noqa: PLC0415  (SciPy: a free DLO needs none)
         if first.obstructed and initial is None:
             mesh = _fine_enough_to_bend(mesh, fine)
-        mesh = bent_mesh(mesh.with_nodes(inside), gripper, holds, fine)
+        mesh = bent_mesh(mesh.with_nodes(inside) if inside else mesh, gripper, holds, fine)
     begin, start, kicks = initial, None, 0
     while True:
         shape = step(mesh, gripper, begin, how, start)
@@ -103,7 +104,7 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
                 finer = _refined(mesh, fine, shape, accuracy)
             if finer is None:
                 return shape
-            mesh, start = finer.with_nodes(inside), None
+            mesh, start = finer.with_nodes(inside) if inside else finer, None
             continue
         if kicks and how.most < np.inf and not shape.state.culled:  # a fall is made in parts
             return shape
@@ -128,7 +129,7 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
             finer = _refined(mesh, fine, shape, accuracy)
             if finer is None:
                 return judged(shape, wanted)
-            mesh, start = finer.with_nodes(inside), None
+            mesh, start = finer.with_nodes(inside) if inside else finer, None
         if not _way_counts(shape, initial):
             begin = shape  # a better start; else the step is made again
 
@@ -290,7 +291,7 @@ def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = N
     here = shape.state.made_on if mesh is None else mesh
     if (shape.dissipated or not here.bounded_by_truncation
             or shape.contacts and accuracy < _BEARS * shape.s[-1]
-            or places_of(shape.holds)
+            or shape.holds and places_of(shape.holds)
             or shape.stability < _STABLE and (not shape.holds or here.basis != 'local')):
         return False
     strains, system = shape.element_strains, here.free

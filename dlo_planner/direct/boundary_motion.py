@@ -12,7 +12,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items
-from dlo_planner.model.holds import Hold, Holds, alike, holds_of, tip_held
+from dlo_planner.model.holds import Hold, Holds, alike, holds_of, posed, tip_held
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
 
@@ -101,7 +101,7 @@ class BoundaryMotion(Value):
     def at(self, place: float) -> tuple[Pose, Holds]:
         """Return the gripper's Pose and the Holds at `place` = time / dt."""
         return self.gripper.at(place), tuple(
-            hold.posed(path.at(place)) for hold, path in zip(self.kinds, self.paths, strict=True))
+            posed(hold, path.at(place)) for hold, path in zip(self.kinds, self.paths, strict=True))
 
 
 def poses(grippers: Iterable[Pose], least: int = 0) -> tuple[Pose, ...]:

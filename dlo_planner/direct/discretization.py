@@ -34,7 +34,7 @@ from dlo_planner.geometry.basis import equidistribute, orthonormal_basis, very_t
 from dlo_planner.minimize.solve import placed
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import row, shown
-from dlo_planner.model.holds import Holds, held_rows
+from dlo_planner.model.holds import Holds, held_rows, place_of
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.supports import Surroundings
@@ -433,31 +433,45 @@ class Discretization(Value):
     def _hold_rows(self, holds: Holds, origin: Floats, force: Floats, springs: bool) -> HoldRows:
         """Return the HoldRows of Holds, with the forces (K,) that are known, N."""
         stiffness = self._spring_of(holds) if springs else 0.0
-        axes = np.array([hold.pose.rotation for hold in holds])
-        rows, = self.grip_rows(holds, axes[None])
-        node, first = self.held_nodes(holds)
+        node, first, share = self.held_nodes(holds)
+        rows = np.concatenate([hold.held for hold in holds]) if len(holds) > 1 else holds[0].held
+        rows[:, :3] *= self.lever
         return HoldRows(
-            node, first, np.array([hold.pose.position for hold in holds]) - origin, axes,
-            np.array([hold.share for hold in holds]), rows,
-            np.array(force) if force.shape == (len(rows),) else np.zeros(len(rows)), stiffness,
+            node, first, np.array([hold.pose.position for hold in holds]) - origin,
+            np.array([hold.pose.rotation for hold in holds]), share, rows,
+            np.array(force) if force.size == len(rows) else np.zeros(len(rows)), stiffness,
             stiffness * self.lever**2)
 
     def _spring_of(self, holds: Holds) -> float:
         """Return the `hold_spring` of a DLO as long as the shortest part between two grips, N/m."""
         length, at, shortest = self.s.item(-1), 0.0, 1.0
         for hold in holds:
-            place = hold.at(length)
+            place = place_of(hold, length)
             shortest, at = min(shortest, (place - at) / length), place
         return self.hold_spring / shortest**3
 
-    def held_nodes(self, holds: Holds) -> tuple[Ints, Ints]:
-        """Return the nodes (A,) that Holds are at, and where the rows (A + 1,) of each begin."""
-        s = self.s if self._nominal is None else self._nominal.s
-        node = [s.size - 1 if hold.s is None else
-                int(s.searchsorted(hold.s - _SAME_NODE * s.item(-1))) for hold in holds]
-        first = np.zeros(len(holds) + 1, dtype=np.int64)
-        np.cumsum([len(hold.held) for hold in holds], out=first[1:])
-        return np.array(node, dtype=np.int64), first
+    def held_nodes(self, holds: Holds) -> tuple[Ints, Ints, Floats]:
+        """Return nodes (A,), where the rows (A + 1,) begin, and shares (A, 3) of A Holds.
+
+        All as of HoldRows; they are kept for the next step, and nobody writes into them.
+        """
+        kinds = tuple([(hold.s, hold.grip) for hold in holds])
+        known = self._held_nodes.get(kinds)
+        if known is None:
+            s = self.s if self._nominal is None else self._nominal.s
+            tiny = _SAME_NODE * s.item(-1)
+            node = [s.size - 1 if hold.s is None else int(s.searchsorted(hold.s - tiny))
+                    for hold in holds]
+            known = (np.array(node, dtype=np.int64),
+                     np.cumsum([0, *(len(hold.held) for hold in holds)]),
+                     np.array([hold.share for hold in holds]).reshape(-1, 3))
+            self._held_nodes.clear()  # those of one set of holds are kept
+            self._held_nodes[kinds] = known
+        return known
+
+    @cached_property
+    def _held_nodes(self) -> dict[tuple[Any, ...], tuple[Ints, Ints, Floats]]:
+        return {}
 
     def grip_rows(self, holds: Holds, axes: Floats) -> Floats:
         """Return (n, K, 6) what Holds hold at n times rotations (n, A, 3, 3), all in m."""

@@ -44,7 +44,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, number, returned, vector
-from dlo_planner.model.holds import FarEnd, Hold, Holds, named
+from dlo_planner.model.holds import FarEnd, Hold, Holds, named, place_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import Surroundings
 from dlo_planner.progress import Progress, interrupted_by
@@ -104,7 +104,7 @@ def first_shape(discretization: Discretization, gripper: Pose, holds: Holds,
         what, where = 'far end', 'far_ends[0]'
         if hold.s is not None:
             what, where = f'place at s = {hold.s:g} m', f'holds[0] of {hold.by}'
-        _check_held(what, where, hold, initial.at(hold.at(float(initial.s[-1]))), length)
+        _check_held(what, where, hold, initial.at(place_of(hold, float(initial.s[-1]))), length)
     past = past_of(discretization, initial, memory)
     strains = discretization.strains_from(initial.s, initial.element_strains)
     first = equilibrium(discretization, gripper, strains, past, holds, how=Search(0, False))

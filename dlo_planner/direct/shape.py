@@ -33,7 +33,16 @@ from dlo_planner.model.checks import (
     shown,
     vector,
 )
-from dlo_planner.model.holds import FarEnd, Hold, Holds, holds_of, spans_of, tip_of, unreached
+from dlo_planner.model.holds import (
+    FarEnd,
+    Hold,
+    Holds,
+    holds_of,
+    place_of,
+    spans_of,
+    tip_of,
+    unreached,
+)
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, shifted
 from dlo_planner.model.rod import BACK, Rod, Surface
@@ -923,7 +932,7 @@ def pack(shape: Shape) -> dict[str, Any]:
     packed['passed_itself'] = float(shape.passed_itself)
     packed['error_estimate'] = shape.error_estimate
     if shape.holds:
-        packed |= {'holds': np.array([[*pose_row(hold.pose), hold.at(float(shape.s[-1]))]
+        packed |= {'holds': np.array([[*pose_row(hold.pose), place_of(hold, float(shape.s[-1]))]
                                       for hold in shape.holds]),
                    'hold_grips': np.array([hold.grip for hold in shape.holds]),
                    'held_by': np.array([hold.by for hold in shape.holds]),

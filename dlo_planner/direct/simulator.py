@@ -359,7 +359,9 @@ class DirectSimulator(Value):
         if deadline is not None:
             with interrupted_by(Progress(deadline=deadline).check):
                 return self.solve(gripper, initial, far_end=far_end, holds=holds)
-        held = holds_of(far_end, holds, self.surroundings.rod.length)
+        held: Holds = ()
+        if far_end is not None or not isinstance(holds, tuple) or holds:
+            held = holds_of(far_end, holds, self.surroundings.rod.length)
         self._check(gripper, initial, held)
         try:
             if initial is None or not (made_by(self, initial) or initial.state.kept):
@@ -514,7 +516,7 @@ class DirectSimulator(Value):
         how = StepInputs(self._history, holds, self.method, self.strains, most)
         if self.accuracy is None:
             mesh = self._discretization
-            if holds:
+            if holds and holds[0].s is not None:  # (the tip's is the last)
                 mesh = mesh.with_nodes(places_of(holds))
             return step(mesh, gripper, initial, how)
         return accurate_equilibrium(self._discretization, self._fine, self.accuracy, gripper,

@@ -62,6 +62,7 @@ from dlo_planner.model.holds import (
     Span,
     alike,
     places_of,
+    posed,
     spans_of,
     tightest,
 )
@@ -88,14 +89,14 @@ class Grips(NamedTuple):
 
         Their ways of holding are those of `goal`.
         """
-        holds = tuple(other.posed(between(one.pose, other.pose, fraction))
+        holds = tuple(posed(other, between(one.pose, other.pose, fraction))
                       for one, other in zip(self.holds, goal.holds, strict=True))
         return Grips(between(self.gripper, goal.gripper, fraction), holds)
 
 
 def grips_at(shape: Shape, holds: Holds) -> Grips:
     """Return where a Shape has its gripper, and the places that Holds are to hold."""
-    return Grips(shape.gripper, tuple(hold.posed(_place_of(shape, hold)) for hold in holds))
+    return Grips(shape.gripper, tuple(posed(hold, _place_of(shape, hold)) for hold in holds))
 
 
 def _place_of(shape: Shape, hold: Hold) -> Pose:
@@ -381,7 +382,7 @@ def _places_in(mesh: Discretization, gripper: Pose, strains: Floats, holds: Hold
     """Return Holds that are where the DLO has their places with strains (N, 3) in a gripper."""
     state = configuration_at(mesh.system(gripper.rotation, culled=True), strains)
     return tuple(
-        hold.posed(Pose.from_rotation(gripper.position + state.positions[node],
+        posed(hold, Pose.from_rotation(gripper.position + state.positions[node],
                                       state.rotations[node]))
         for hold, node in zip(holds, mesh.held_nodes(holds)[0], strict=True))
 
@@ -418,7 +419,7 @@ def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips
                 for one, other in zip(begin.holds, holds, strict=True)]
         held_at, axes = (np.stack(arrays, axis=1) for arrays in zip(*ways, strict=True))
         system = mesh.system(bases[0], gripped[0], memory, tuple(
-            hold.posed(Pose.from_rotation(at[0], turned[0]))
+            posed(hold, Pose.from_rotation(at[0], turned[0]))
             for hold, (at, turned) in zip(holds, ways, strict=True)), culled=culled)
         targets, rows = held_at - gripped[:, None], mesh.grip_rows(holds, axes)
         q = mesh.unknowns(strains)
@@ -656,7 +657,7 @@ def held_nearby(mesh: Discretization, gripper: Pose, strains: Floats, memory: Me
     """
     how = search_of(mesh, gripper, holds)
     if (not culled or how.steps < MAX_ITERATIONS
-            or memory.hold.size != sum(len(hold.held) for hold in holds)):
+            or memory.hold.size != mesh.held_nodes(holds)[1].item(-1)):
         return None
     end = solution(mesh, gripper, strains, memory, holds, how._replace(near=True), True, watch)
     return shape_from(mesh, gripper, end, memory, holds, True) if end.residual < np.inf else None

@@ -444,7 +444,6 @@ class Stepper:
         """Nodes, rows, shares of Holds, and which of them slide, as of StepOptions."""
         kinds = self.grips.kinds
         return (*self.discretization.held_nodes(kinds),
-                np.array([hold.share for hold in kinds]).reshape(-1, 3),
                 np.array([hold.slides for hold in kinds], dtype=bool))
 
     def _buffer(self, places: Floats, now: Row) -> StepBuffer:

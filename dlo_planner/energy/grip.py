@@ -235,12 +235,11 @@ def held_nodes(hold, count):
 @kernel
 def holds_node(hold, k):
     """Whether node k is held."""
-    if hold is None:
-        return False
-    for a in range(hold.node.size):
-        if hold.node[a] == k:
-            return True
-    return False
+    held = False
+    if hold is not None:
+        for a in range(hold.node.size):
+            held |= hold.node[a] == k
+    return held
 
 
 @kernel

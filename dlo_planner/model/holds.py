@@ -68,7 +68,7 @@ class Hold(Value):
     def __post_init__(self) -> None:
         name = type(self).__name__
         instance(f'{name}.pose', self.pose, Pose)
-        if self.grip == 'ring':
+        if isinstance(self.grip, str) and self.grip == 'ring':
             raise InvalidTask(f"{name}.grip = 'ring': expected one of {', '.join(GRIPS)}; a hold "
                               'that the DLO slides through is not there yet')
         choice(f'{name}.grip', self.grip, GRIPS)
@@ -92,14 +92,6 @@ class Hold(Value):
         """Whether it lets the DLO's place move along its x axis."""
         return self.grip == 'sleeve'
 
-    def at(self, length: float) -> float:
-        """Return the arc length of its place, m, of a DLO of `length` (m)."""
-        return length if self.s is None else self.s
-
-    def posed(self, pose: Pose) -> Hold:
-        """Return the same hold, of the same place, at another Pose."""
-        return Hold(pose, self.grip, self.s, by=self.by)
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FarEnd(Hold):
@@ -121,10 +113,6 @@ class FarEnd(Hold):
     if TYPE_CHECKING:
         def __init__(self, pose: Pose, grip: str = 'clamped') -> None: ...
 
-    def posed(self, pose: Pose) -> FarEnd:
-        """Return the same hold at another Pose."""
-        return FarEnd(pose, self.grip)
-
     @classmethod
     def of(cls, value: Hold | Pose | ArrayLike | None) -> FarEnd | None:
         """Return a FarEnd from one, a Pose (clamped), a position (3,) (pinned), or None."""
@@ -140,6 +128,18 @@ class FarEnd(Hold):
 
 
 Holds = tuple[Hold, ...]  # by arc length, the tip's last
+
+
+def place_of(hold: Hold, length: float) -> float:
+    """Return the arc length of the place of a Hold, m, of a DLO of `length` (m)."""
+    return length if hold.s is None else hold.s
+
+
+def posed(hold: Hold, pose: Pose) -> Hold:
+    """Return the same Hold, of the same place, at another Pose."""
+    if isinstance(hold, FarEnd):
+        return FarEnd(pose, hold.grip)
+    return Hold(pose, hold.grip, hold.s, by=hold.by)
 
 
 def held_rows(grip: str, rotation: Floats) -> Floats:
@@ -185,10 +185,10 @@ def holds_of(far_end: Hold | Pose | ArrayLike | None, holds: Iterable[Hold], len
              for hold in given]
     if tip is not None:
         found.append(tip)
-    found.sort(key=lambda hold: hold.at(length))
+    found.sort(key=lambda hold: place_of(hold, length))
     before = 0.0
     for hold in found:
-        s = hold.at(length)
+        s = place_of(hold, length)
         if s - before < _APART * length:
             others = 'the gripper' if before == 0.0 else f'one at s = {before:.9g} m'
             raise InvalidTask(f'{name}: expected places at least {_APART * length:.3g} m apart, '
@@ -199,7 +199,7 @@ def holds_of(far_end: Hold | Pose | ArrayLike | None, holds: Iterable[Hold], len
 
 def _of_tip(hold: Hold, length: float) -> Hold:
     """Return a Hold whose place is the tip; raise InvalidTask if it is beyond."""
-    s = hold.at(length)
+    s = place_of(hold, length)
     if s > (1.0 + _TIP) * length:
         raise InvalidTask(f'{type(hold).__name__}.s = {s:.9g}: expected a place on the DLO, at '
                           f'most {length:.9g} m')
@@ -244,7 +244,7 @@ def spans_of(holds: Holds, gripper: Pose, length: float) -> list[Span]:
     found: list[Span] = []
     origin, at, axis = gripper.position, 0.0, None
     for k, hold in enumerate(holds):
-        place, pose, own = hold.at(length), hold.pose, None
+        place, pose, own = length if hold.s is None else hold.s, hold.pose, None
         away = pose.position - origin
         if hold.grip == 'sleeve':
             own = pose.rotation[:, 0]
@@ -271,8 +271,8 @@ def spans_along(holds: Holds, origins: Floats, targets: Floats, axes: Floats,
         if before is not None:
             away = _across(away, before, own)
         distances.append(np.linalg.norm(away, axis=1).tolist())
-        parts.append((k - 1, hold.at(length) - at, at))
-        origins, at, before = targets[:, k], hold.at(length), own
+        parts.append((k - 1, place_of(hold, length) - at, at))
+        origins, at, before = targets[:, k], place_of(hold, length), own
     return [[Span(begin, distance, part, at)
              for (begin, part, at), distance in zip(parts, row, strict=True)]
             for row in zip(*distances, strict=True)]
