@@ -29,6 +29,7 @@ import scipy
 from dlo_planner.blas import one_thread
 from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.direct.search import KEPT, Search, evaluated, hinge_unknowns, minimum, with_hinge
+from dlo_planner.energy.contact import obstructed
 from dlo_planner.energy.elastic import purely_elastic
 from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.loads import node_masses
@@ -120,7 +121,8 @@ class Linearized:
 
 def linearize(system: Problem, q: Floats) -> tuple[Problem, Configuration, Floats, Hessian]:
     """Return a Problem at its equilibrium q (m, 3), contacts stiff, and its `gripper_answers`."""
-    system = stiffen_penalty(system, evaluated(system, q))
+    if obstructed(system.contact):
+        system = stiffen_penalty(system, evaluated(system, q))
     return system, *gripper_answers(system, q)
 
 

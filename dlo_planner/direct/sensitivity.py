@@ -54,6 +54,7 @@ class Sensitivity:
                              culled=shape.state.culled)
         self._system, self._state, self._answers, self._hessian = linearize(
             system, here.unknowns(shape.element_strains))
+        self._columns = int(self._hessian.cross.shape[2])
         self._slides = any(np.any(contact.friction) for contact in shape.contacts)
         if self._slides:
             add_slip(self._system, self._state, self._hessian, self._answers, True)
@@ -66,7 +67,7 @@ class Sensitivity:
         """
         element, fraction = self._place(s)
         return twists_inside(
-            self._system, self._state, self._answers, self._hessian.cross.shape[2],
+            self._system, self._state, self._answers, self._columns,
             self._nodes[element], element, fraction)
 
     def by_grips(self, s: float) -> Floats:
@@ -99,8 +100,7 @@ class Sensitivity:
     @cached_property
     def _nodes(self) -> Floats:
         """(N + 1, 6, 6) the same at all nodes: of one shape, several places are asked for."""
-        return node_twists(self._system, self._state, self._answers,
-                           self._hessian.cross.shape[2])
+        return node_twists(self._system, self._state, self._answers, self._columns)
 
     @property
     def strains(self) -> Floats:
