@@ -118,8 +118,10 @@ def held_by(far_ends: Iterable[Any] | None, holds: Iterable[Any], count: int,
     `far_ends` has what `FarEnd.of` takes for each of them; `holds` Holds, which rest, or for each
     the Holds there.
     """
-    ends = ends_of(far_ends, count)
     given: tuple[Any, ...] = items('holds', holds, object)
+    if far_ends is None and not given:
+        return [()] * count
+    ends = ends_of(far_ends, count)
     if all(isinstance(hold, Hold) for hold in given):  # they rest
         each = [given] * count
     else:
@@ -148,7 +150,7 @@ def moving_grips(grippers: Sequence[Pose], held: Sequence[Holds], dt: float, at_
     """Return the smooth motion of what holds a DLO, at instants `dt` (s) apart."""
     first = held[0]
     for k, holds in enumerate(held):
-        if not alike(holds, first):
+        if holds is not first and not alike(holds, first):
             inside = any(hold.s is not None for hold in (*holds, *first))
             raise InvalidTask(
                 f'holds[{k}]: expected the same places and grips from the beginning to the end of '

@@ -21,7 +21,7 @@ import numpy as np
 from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import Grips, equilibrium, grips_at, held_in, work_of_grips
+from dlo_planner.direct.statics import Grips, equilibrium, frame_inside, grips_at, work_of_grips
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
 from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed
@@ -203,11 +203,15 @@ class Way(NamedTuple):
 
 def _way(previous: Shape, goal: Grips) -> Way:
     """Return the Way of the grips from where they are in a Shape to `goal`."""
-    length, held = float(previous.s[-1]), None
+    length, held = float(previous.s[-1]), 0.0 if goal.holds else None
     one, other = previous.gripper, goal.gripper
-    if goal.holds:
-        held = sum(_missed(hold.held, *held_in(previous, hold), hold.pose.rotation,
-                           hold.pose.position, length) for hold in goal.holds)
+    if held is not None:
+        for hold in goal.holds:
+            frame, position = previous.frames[-1], previous.positions[-1]
+            if hold.s is not None:
+                frame, position = frame_inside(previous, hold.s)
+            held += _missed(hold.held, frame, position, hold.pose.rotation, hold.pose.position,
+                            length)
     shift = dist(one.position.tolist(), other.position.tolist())  # quicker than of arrays
     return Way(shift / length,
                0.0 if previous.pinned else angle_between(one.rotation, other.rotation), held)
@@ -273,7 +277,13 @@ def fell(previous: Shape, shape: Shape, way: Way | None = None) -> bool:
 
 def _let_go(previous: Shape, shape: Shape) -> bool:
     """Whether a place that was held is not held any more, which frees energy."""
-    return not {hold.s for hold in previous.holds} <= {hold.s for hold in shape.holds}
+    for hold in previous.holds:
+        for other in shape.holds:
+            if hold.s == other.s:
+                break
+        else:
+            return True
+    return False
 
 
 def _lost(previous: Shape, shape: Shape) -> bool:

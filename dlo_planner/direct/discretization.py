@@ -434,11 +434,14 @@ class Discretization(Value):
         """Return the HoldRows of Holds, with the forces (K,) that are known, N."""
         stiffness = self._spring_of(holds) if springs else 0.0
         node, first, share = self.held_nodes(holds)
-        rows = np.concatenate([hold.held for hold in holds]) if len(holds) > 1 else holds[0].held
+        rows, target, axes = np.empty((first.item(-1), 6)), np.empty(share.shape), np.empty(
+            (len(holds), 3, 3))
+        for k, hold in enumerate(holds):
+            rows[first[k]:first[k + 1]] = hold.held
+            target[k], axes[k] = hold.pose.position, hold.pose.rotation
         rows[:, :3] *= self.lever
         return HoldRows(
-            node, first, np.array([hold.pose.position for hold in holds]) - origin,
-            np.array([hold.pose.rotation for hold in holds]), share, rows,
+            node, first, target - origin, axes, share, rows,
             np.array(force) if force.size == len(rows) else np.zeros(len(rows)), stiffness,
             stiffness * self.lever**2)
 
@@ -455,7 +458,9 @@ class Discretization(Value):
 
         All as of HoldRows; they are kept for the next step, and nobody writes into them.
         """
-        kinds = tuple([(hold.s, hold.grip) for hold in holds])
+        kinds: tuple[Any, ...] = ()
+        for hold in holds:
+            kinds += hold.s, hold.grip
         known = self._held_nodes.get(kinds)
         if known is None:
             s = self.s if self._nominal is None else self._nominal.s

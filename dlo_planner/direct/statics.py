@@ -63,8 +63,8 @@ from dlo_planner.model.holds import (
     alike,
     places_of,
     posed,
+    row_count,
     spans_of,
-    tightest,
 )
 from dlo_planner.model.pose import Pose, angle_between, pose_of
 from dlo_planner.model.value import Constant, changed, freeze, put, read_only
@@ -380,11 +380,12 @@ def _predict(mesh: Discretization, previous: Shape | None, strains: Floats, goal
 
 def _places_in(mesh: Discretization, gripper: Pose, strains: Floats, holds: Holds) -> Holds:
     """Return Holds that are where the DLO has their places with strains (N, 3) in a gripper."""
-    state = configuration_at(mesh.system(gripper.rotation, culled=True), strains)
-    return tuple(
-        posed(hold, Pose.from_rotation(gripper.position + state.positions[node],
-                                      state.rotations[node]))
-        for hold, node in zip(holds, mesh.held_nodes(holds)[0], strict=True))
+    state, there = configuration_at(mesh.system(gripper.rotation, culled=True), strains), []
+    positions, rotations = state.positions, state.rotations
+    for hold, node in zip(holds, mesh.held_nodes(holds)[0].tolist(), strict=True):
+        place = gripper.position + positions[node]
+        there.append(posed(hold, Pose.from_rotation(place, rotations[node])))
+    return tuple(there)
 
 
 def _parts_between(begin: Grips, goal: Grips, length: float) -> int:
@@ -415,12 +416,13 @@ def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips
             break
         shares = done + (1.0 - done) * np.arange(1, count) / count
         gripped, bases = _way(first, last, shares)
-        ways = [_way(one.pose, other.pose, shares)
-                for one, other in zip(begin.holds, holds, strict=True)]
-        held_at, axes = (np.stack(arrays, axis=1) for arrays in zip(*ways, strict=True))
-        system = mesh.system(bases[0], gripped[0], memory, tuple(
-            posed(hold, Pose.from_rotation(at[0], turned[0]))
-            for hold, (at, turned) in zip(holds, ways, strict=True)), culled=culled)
+        held_at, axes = (np.empty((count - 1, len(holds), 3)),
+                         np.empty((count - 1, len(holds), 3, 3)))
+        there: Holds = ()
+        for k, (one, other) in enumerate(zip(begin.holds, holds, strict=True)):
+            held_at[:, k], axes[:, k] = _way(one.pose, other.pose, shares)
+            there += posed(other, Pose.from_rotation(held_at[0, k], axes[0, k])),
+        system = mesh.system(bases[0], gripped[0], memory, there, culled=culled)
         targets, rows = held_at - gripped[:, None], mesh.grip_rows(holds, axes)
         q = mesh.unknowns(strains)
         if mesh.surroundings.pinned:
@@ -657,7 +659,7 @@ def held_nearby(mesh: Discretization, gripper: Pose, strains: Floats, memory: Me
     """
     how = search_of(mesh, gripper, holds)
     if (not culled or how.steps < MAX_ITERATIONS
-            or memory.hold.size != mesh.held_nodes(holds)[1].item(-1)):
+            or memory.hold.size != row_count(holds)):
         return None
     end = solution(mesh, gripper, strains, memory, holds, how._replace(near=True), True, watch)
     return shape_from(mesh, gripper, end, memory, holds, True) if end.residual < np.inf else None
@@ -704,12 +706,13 @@ def search_of(mesh: Discretization, gripper: Pose, holds: Holds) -> Search:
     """
     if not holds:
         return THOROUGH
-    span = tightest(holds, gripper, mesh.s.item(-1))
-    steps = MAX_ITERATIONS if span.reaches(mesh.loaded) else _IN_VAIN
-    exact = EXACT
-    if mesh.loaded:
-        slack = 1.0 - span.distance / span.length
-        exact = min(exact, _GRIP_EXACT * max(slack, _LEAST_SLACK) * (span.length / mesh.s.item(-1)))
+    steps, exact, length, loaded = MAX_ITERATIONS, EXACT, mesh.s.item(-1), mesh.loaded
+    for span in spans_of(holds, gripper, length):
+        if not span.reaches(loaded):
+            steps = _IN_VAIN
+        if loaded:
+            slack = 1.0 - span.distance / span.length
+            exact = min(exact, _GRIP_EXACT * max(slack, _LEAST_SLACK) * (span.length / length))
     return Search(steps, exact=exact)
 
 
@@ -915,22 +918,24 @@ def work_of_grips(previous: Shape, shape: Shape) -> tuple[float, float]:
     one, other = previous.gripper, shape.gripper
     work, spread = _work(one.rotation, other.rotation, one.position, other.position,
                          previous.gripper_wrench, shape.gripper_wrench)
-    if not shape.holds:
-        return work, spread
-    known = {hold.s: wrench for hold, wrench in zip(previous.holds, previous.wrenches,
-                                                    strict=True)}
     for hold, after in zip(shape.holds, shape.wrenches, strict=True):
-        (turned, at), (turned_after, at_after) = held_in(previous, hold), held_in(shape, hold)
-        more, wider = _work(turned, turned_after, at, at_after, known.get(hold.s, NO_WRENCH), after)
+        before = NO_WRENCH
+        for known, wrench in zip(previous.holds, previous.wrenches, strict=True):
+            if known.s == hold.s:
+                before = wrench
+        turned, turned_after, at, at_after = (
+            previous.frames[-1], shape.frames[-1], previous.positions[-1], shape.positions[-1])
+        if hold.s is not None:
+            (turned, at), (turned_after, at_after) = (
+                frame_inside(previous, hold.s), frame_inside(shape, hold.s))
+        more, wider = _work(turned, turned_after, at, at_after, before, after)
         work, spread = work + more, spread + wider
     return work, spread
 
 
-def held_in(shape: Shape, hold: Hold) -> tuple[Floats, Floats]:
-    """Return axes (3, 3) and position (3,) that a Shape has where a Hold is, read-only."""
-    if hold.s is None:
-        return shape.frames[-1], shape.positions[-1]
-    rotation, position = shape.frame_at(hold.s)
+def frame_inside(shape: Shape, s: float) -> tuple[Floats, Floats]:
+    """Return axes (3, 3) and position (3,) of a Shape at `s` (m), read-only as those of nodes."""
+    rotation, position = shape.frame_at(s)
     return read_only(rotation), read_only(position)
 
 

@@ -8,18 +8,18 @@ may end free.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, instance, items, number, shown, vector
+from dlo_planner.model.checks import choice, instance, items, number, vector
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
 
@@ -29,6 +29,7 @@ _APART = 1e-6  # of the length: the least distance of two holds, as what is betw
 _TIP = 1e-9    # of the length: what is nearer to the tip is there
 _PARALLEL = 1e-9  # rad: axes of sleeves that differ by less are parallel
 _SHARES = {'pinned': (0.0, 0.0, 0.0), 'aligned': (1.0, 0.0, 0.0)}
+_ROWS = {'clamped': 6, 'pinned': 3, 'sleeve': 5, 'aligned': 5}
 _ALL = np.eye(6)
 
 
@@ -213,9 +214,20 @@ def places_of(holds: Holds) -> tuple[float, ...]:
 
 def alike(some: Holds, others: Holds) -> bool:
     """Whether the same places are held in the same ways, wherever they are."""
-    return len(some) == len(others) and all(
-        one.grip == other.grip and one.s == other.s
-        for one, other in zip(some, others, strict=True))
+    if len(some) != len(others):
+        return False
+    for one, other in zip(some, others, strict=True):
+        if one.grip != other.grip or one.s != other.s:
+            return False
+    return True
+
+
+def row_count(holds: Holds) -> int:
+    """Return how many motions Holds do not allow."""
+    count = 0
+    for hold in holds:
+        count += _ROWS[hold.grip]
+    return count
 
 
 def tip_of(holds: Holds) -> FarEnd | None:
@@ -235,8 +247,12 @@ class Span(NamedTuple):
     at: float        # m, arc length where it begins
 
     def reaches(self, loaded: bool) -> bool:
-        """Return whether the DLO spans it, see `spans`."""
-        return bool(spans(self.distance, self.length, loaded))
+        """Return whether the DLO spans it with finite tension.
+
+        It hardly stretches: where less than 1e-9 of it is left to sag, its weight decides nothing
+        that could be computed. Without any load it may be just as long.
+        """
+        return self.distance < (1.0 - (_SLACK if loaded else -_SLACK)) * self.length
 
 
 def spans_of(holds: Holds, gripper: Pose, length: float) -> list[Span]:
@@ -291,11 +307,6 @@ def _across(away: Floats, axis: Floats, other: Floats | None) -> Floats:
     return left
 
 
-def tightest(holds: Holds, gripper: Pose, length: float) -> Span:
-    """Return the Span with the least slack, as part of its length."""
-    return min(spans_of(holds, gripper, length), key=lambda one: 1.0 - one.distance / one.length)
-
-
 def unreached(holds: Holds, gripper: Pose, length: float, loaded: bool) -> str:
     """Return in words which neighbors are out of reach of each other; '' where none is."""
     said = []
@@ -318,20 +329,3 @@ def named(hold: Hold) -> str:
     if hold.s is None:
         return 'the far end' if hold.by == 'fixture' else f'the far end ({hold.by})'
     return f'{hold.by} at s = {hold.s:.6g} m'
-
-
-def spans(distance: Any, length: float, loaded: bool) -> Any:
-    """Return whether a DLO of `length` (m) spans distances (m) with finite tension.
-
-    It hardly stretches: where less than 1e-9 of it is left to sag, its weight decides nothing
-    that could be computed. Without any load it may be just as long.
-    """
-    return distance < (1.0 - (_SLACK if loaded else -_SLACK)) * length
-
-
-def refuse_inside(name: str, holds: Sequence[Hold], where: str) -> None:
-    """Raise InvalidTask where a hold is not at the tip; `where`: what does not take it."""
-    for hold in holds:
-        if hold.s is not None:
-            raise InvalidTask(f'{name}: {shown(hold)} holds inside, which {where} not take yet: '
-                              'expected a hold of the tip alone')

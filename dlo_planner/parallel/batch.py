@@ -87,7 +87,9 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     grippers, chains = _poses(work)
     rods = None if rods is None else _rods(simulator, rods, grippers if chains is None else None)
     checked(executor)
-    held = holds_of(None, holds, simulator.rod.length)
+    held: Holds = ()
+    if not isinstance(holds, tuple) or holds:
+        held = holds_of(None, holds, simulator.rod.length)
     quick = chains is None and not held and simulator.mesh.hangs and has_free_loop(simulator)
     chunk = (_QUICK if quick else _AT_ONCE) if chunk is None else integer(
         'chunk', chunk, minimum=1, maximum=_MOST)
@@ -139,7 +141,9 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
                           f'{len(rods)} rods, or one for all')
     instance('simulator', simulator, DirectSimulator)
     # one loop fills the arrays of all, where nothing is long
-    held = holds_of(None, holds, simulator.rod.length)
+    held: Holds = ()
+    if not isinstance(holds, tuple) or holds:
+        held = holds_of(None, holds, simulator.rod.length)
     loop = not held and simulator.mesh.hangs and has_free_loop(simulator)
     shapes = map(simulator, grippers, rods=rods, holds=held, chunk=_LOOP if loop else _AT_ONCE,
                  progress=progress, deadline=deadline)

@@ -98,8 +98,11 @@ class Shapes(Answer):
         sizes = {'positions': (nodes, 3), 'frames': (nodes, 3, 3),
                  'element_strains': (nodes - 1, 3), 'gripper_wrench': (6,),
                  **{name: () for name in _FIGURES}}
-        holds = holds_of(None, self.holds, s[..., -1].min(initial=np.inf), 'Shapes.holds')
-        wrenches = np.zeros((n, len(holds), 6)) if self.wrenches is None else self.wrenches
+        holds, wrenches = self.holds, self.wrenches
+        if not isinstance(holds, tuple) or holds:
+            holds = holds_of(None, holds, s[..., -1].min(initial=np.inf), 'Shapes.holds')
+        if not holds and (wrenches is None or not np.size(wrenches)):  # lists of files are flatter
+            wrenches = np.zeros((n, 0, 6))
         contacts = self.contact_table if _length(self.contact_table) else np.zeros((0, _CONTACT))
         put(self, grippers=grippers, s=s,
             iterations=self._counts(n), holds=holds,
