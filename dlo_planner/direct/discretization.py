@@ -432,7 +432,9 @@ class Discretization(Value):
 
     def _hold_rows(self, holds: Holds, origin: Floats, force: Floats, springs: bool) -> HoldRows:
         """Return the HoldRows of Holds, with the forces (K,) that are known, N."""
-        stiffness = self._spring_of(holds) if springs else 0.0
+        stiffness = 0.0
+        if springs:
+            stiffness = self.hold_spring if holds[0].s is None else self._spring_of(holds)
         node, first, share = self.held_nodes(holds)
         rows, target, axes = np.empty((first.item(-1), 6)), np.empty(share.shape), np.empty(
             (len(holds), 3, 3))

@@ -489,16 +489,19 @@ def _by_parts(mesh: Discretization, gripper: Pose, holds: Holds,
               memory: Memory) -> Predictor | None:
     """Return a DLO whose parts between holds are each in equilibrium; None if one is not found.
 
-    Where a pin leaves the frame open, its tangent is that of `taut.tangents_at`.
+    Where a pin leaves the frame open, its tangent is that of `taut.pin_tangent`.
     """
-    from dlo_planner.direct.taut import tangents_at  # noqa: PLC0415  (SciPy: a free DLO needs none)
+    from dlo_planner.direct.taut import pin_tangent  # noqa: PLC0415  (SciPy: a free DLO needs none)
     if memory.has_set:
         return None  # it stays on its mesh
     nodes = [0, *mesh.held_nodes(holds)[0].tolist()]
-    grips: list[Hold | None] = [
-        FarEnd(Pose.looking_along(hold.pose.position, tangent), 'aligned')
-        if hold.grip == 'pinned' and tangent is not None else FarEnd(hold.pose, hold.grip)
-        for hold, tangent in zip(holds, tangents_at(gripper, holds), strict=True)]
+    grips: list[Hold | None] = []
+    for k, hold in enumerate(holds):
+        tangent = None
+        if hold.grip == 'pinned' and hold.s is not None:
+            tangent = pin_tangent(gripper, holds, k)
+        grips.append(FarEnd(hold.pose, hold.grip) if tangent is None else FarEnd(
+            Pose.looking_along(hold.pose.position, tangent), 'aligned'))
     if nodes[-1] < mesh.s.size - 1:  # what hangs beyond
         nodes, grips = [*nodes, mesh.s.size - 1], [*grips, None]
     begin, shapes = gripper, []

@@ -38,61 +38,51 @@ _POINT, _POINTS = 0.15, 40  # of l, in the length: where the string is added up
 
 
 class Stretch(NamedTuple):
-    """A part of the DLO between two neighboring grips."""
+    """A part of the DLO between two neighboring grips; n elements."""
 
     first: int       # node at its beginning,
     last: int        # and at its end
+    lengths: Floats  # (n,) m, of its elements
+    s: Floats        # (n + 1,) m, of its nodes from its beginning on
     begin: Floats    # (3,) m, where they are held
     end: Floats
     tangents: tuple[Floats | None, Floats | None]  # (3,) there; None: free to turn
     slides: bool     # whether an end may slide
     names: tuple[str, str]  # of both grips
 
-    def lengths(self, mesh: Discretization) -> Floats:
-        """Return those of its elements, m."""
-        result: Floats = mesh.free.lengths[self.first:self.last]
-        return result
-
-    def s(self, mesh: Discretization) -> Floats:
-        """Return arc lengths of its nodes from its beginning on, m."""
-        result: Floats = mesh.s[self.first:self.last + 1] - mesh.s[self.first]
-        return result
-
 
 def stretches(mesh: Discretization, gripper: Pose, holds: Holds) -> list[Stretch]:
     """Return the parts of a DLO between its grips."""
-    found = []
-    nodes, tangents = mesh.held_nodes(holds)[0].tolist(), tangents_at(gripper, holds)
-    known = (0, gripper.position, None if mesh.surroundings.pinned else gripper.rotation[:, 0],
-             False, 'gripper')
-    for hold, node, tangent in zip(holds, nodes, tangents, strict=True):
-        name = 'far end' if hold.s is None else named(hold)
-        here = node, hold.pose.position, tangent, hold.slides, name
-        found.append(Stretch(known[0], node, known[1], here[1], (known[2], tangent),
-                             known[3] or here[3], (known[4], name)))
-        known = here
-    return found
-
-
-def tangents_at(gripper: Pose, holds: Holds) -> list[Floats | None]:
-    """Return the DLO's tangents (3,) at Holds; None where the tip is free to turn.
-
-    A pin inside is taken to halve the angle between the ways on both its sides.
-    """
-    places = [gripper.position, *(hold.pose.position for hold in holds)]
-    ways = [other - one for one, other in zip(places, places[1:], strict=False)]
-    found: list[Floats | None] = []
+    found: list[Stretch] = []
+    first, begin, slid, before = 0, gripper.position, False, 'gripper'
+    known = None if mesh.surroundings.pinned else gripper.rotation[:, 0]
+    nodes = mesh.held_nodes(holds)[0].tolist()
     for k, hold in enumerate(holds):
-        if hold.grip != 'pinned':
-            found.append(hold.pose.rotation[:, 0])
-        elif hold.s is None:
-            found.append(None)
-        else:
-            sides = [way / size for way in ways[k:k + 2] if (size := sqrt(way @ way)) > 0.0]
-            both = sum(sides, np.zeros(3))
-            size = sqrt(both @ both)
-            found.append(both / size if size > _OPPOSITE else None)
+        last, end, slides = nodes[k], hold.pose.position, hold.grip == 'sleeve'
+        tangent = hold.pose.rotation[:, 0] if hold.grip != 'pinned' else None
+        if hold.grip == 'pinned' and hold.s is not None:
+            tangent = pin_tangent(gripper, holds, k)
+        name = 'far end' if hold.s is None else named(hold)
+        found.append(Stretch(first, last, mesh.free.lengths[first:last],
+                             mesh.s[first:last + 1] - mesh.s[first], begin, end, (known, tangent),
+                             slid or slides, (before, name)))
+        first, begin, known, slid, before = last, end, tangent, slides, name
     return found
+
+
+def pin_tangent(gripper: Pose, holds: Holds, k: int) -> Floats | None:
+    """Return the DLO's tangent (3,) at hold k, a pin inside: it halves the angle of its sides.
+
+    None where those say nothing.
+    """
+    places = [gripper.position, *(hold.pose.position for hold in holds)][k:k + 3]
+    both = np.zeros(3)
+    for one, other in zip(places, places[1:], strict=False):
+        way = other - one
+        size = sqrt(way @ way)
+        both += way / size if size > 0.0 else 0.0
+    size = sqrt(both @ both)
+    return both / size if size > _OPPOSITE else None
 
 
 class Span(NamedTuple):
@@ -106,8 +96,8 @@ class Span(NamedTuple):
 
 def span_of(mesh: Discretization, part: Stretch) -> Span | None:
     """Return the Span of a Stretch; None where it is not nearly taut, or out of reach."""
-    away, lengths = part.end - part.begin, part.lengths(mesh)
-    length, distance = float(part.s(mesh)[-1]), sqrt(away @ away)
+    away, lengths = part.end - part.begin, part.lengths
+    length, distance = float(part.s[-1]), sqrt(away @ away)
     slack = length - distance
     if part.slides or not _SURELY * length < slack < _SLACK * length:
         return None
@@ -146,7 +136,7 @@ def _tension(sag: float, bend: float, slack: float) -> float:
 def _pulls(mesh: Discretization, part: Stretch) -> Floats:
     """Return (n, 3) the force in each element, N, less its mean: what dead loads make of it."""
     beyond = -np.cumsum(mesh.free.load.pull[part.last:part.first:-1], axis=0)[::-1]
-    pulls: Floats = beyond - part.lengths(mesh) @ beyond / part.s(mesh)[-1]
+    pulls: Floats = beyond - part.lengths @ beyond / part.s[-1]
     return pulls
 
 
@@ -168,7 +158,7 @@ def _bent_nodes(mesh: Discretization, part: Stretch) -> Floats | None:
     span = span_of(mesh, part)
     if span is None:
         return None
-    s = part.s(mesh)
+    s = part.s
     length = s[-1]
     begin, end = (_from_clamp(bend, h) for bend, h in
                   zip(span.bends, (s[1], length - s[-2]), strict=True))
@@ -184,7 +174,7 @@ def coarseness(mesh: Discretization, gripper: Pose, holds: Holds) -> str:
     """Return in words that elements are too long to bend as they have to next to clamps, or ''."""
     coarse = []
     for part in stretches(mesh, gripper, holds):
-        span, lengths = span_of(mesh, part), part.lengths(mesh)
+        span, lengths = span_of(mesh, part), part.lengths
         if span is not None:
             coarse += [(longest, bend, where, span.slack) for where, bend, longest in
                        zip(part.names, span.bends, lengths[[0, -1]], strict=True)

@@ -24,6 +24,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
 
 GRIPS = ('clamped', 'pinned', 'sleeve', 'aligned')
+FIXTURE = 'fixture'
 _SLACK = 1e-9  # of the length
 _APART = 1e-6  # of the length: the least distance of two holds, as what is between is an element
 _TIP = 1e-9    # of the length: what is nearer to the tip is there
@@ -60,11 +61,11 @@ class Hold(Value):
     pose: Pose
     grip: str = 'clamped'
     s: float | None = None
-    by: str = field(default='fixture', kw_only=True)
+    by: str = field(default=FIXTURE, kw_only=True)
 
     if TYPE_CHECKING:  # an integer is a number, too
         def __init__(self, pose: Pose, grip: str = 'clamped', s: float | None = None, *,
-                     by: str = 'fixture') -> None: ...
+                     by: str = FIXTURE) -> None: ...
 
     def __post_init__(self) -> None:
         name = type(self).__name__
@@ -75,7 +76,8 @@ class Hold(Value):
         choice(f'{name}.grip', self.grip, GRIPS)
         if self.s is not None:
             put(self, s=number(f'{name}.s', self.s, above=0))
-        instance(f'{name}.by', self.by, str)
+        if self.by is not FIXTURE:  # nearly always
+            instance(f'{name}.by', self.by, str)
         super().__post_init__()
 
     @property
@@ -109,7 +111,7 @@ class FarEnd(Hold):
     """
 
     s: float | None = field(default=None, init=False, repr=False)
-    by: str = field(default='fixture', init=False, repr=False)
+    by: str = field(default=FIXTURE, init=False, repr=False)
 
     if TYPE_CHECKING:
         def __init__(self, pose: Pose, grip: str = 'clamped') -> None: ...
@@ -327,5 +329,5 @@ def unreached(holds: Holds, gripper: Pose, length: float, loaded: bool) -> str:
 def named(hold: Hold) -> str:
     """Return a Hold in few words, as messages name it."""
     if hold.s is None:
-        return 'the far end' if hold.by == 'fixture' else f'the far end ({hold.by})'
+        return 'the far end' if hold.by == FIXTURE else f'the far end ({hold.by})'
     return f'{hold.by} at s = {hold.s:.6g} m'

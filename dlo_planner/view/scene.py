@@ -13,6 +13,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.holds import FIXTURE
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane, Sheet, Solid
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, rooms_in_holes
@@ -93,7 +94,7 @@ def hold_primitives(shape: Shape, length: float = _AXIS) -> list[Primitive]:
         else:
             drawn.append(_arrow('hold', index, at, at + length * hold.pose.direction, _GREEN))
         force = float(np.linalg.norm(wrench[:3]))
-        name = 'far end' if hold.s is None and hold.by == 'fixture' else hold.by
+        name = 'far end' if hold.s is None and hold.by == FIXTURE else hold.by
         drawn.append(_text('hold force', index, at + (0.0, 0.0, 2 * letter),
                            f'{name} {force:.3g} N', letter))
     return drawn
