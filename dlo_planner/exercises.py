@@ -182,7 +182,7 @@ def held() -> None:
         for end in ((0.8, 0, 0), Pose((0.8, 0, 0), (0, 0, 0, 1))):
             shape = direct.solve(_LEVEL, far_end=end)
             assert direct.solve(_LEVEL, shape, far_end=end).error_estimate > 0
-    Sensitivity(shape)
+    Sensitivity(shape).by_grips(0.5)
     direct = DirectSimulator(_ROD)
     bent = direct.solve(_LEVEL, far_end=Pose((0.2, 0, 0.2), (0, 0, 0, 1)))
     for jumped in (False, True):

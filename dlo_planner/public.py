@@ -29,6 +29,7 @@ from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.holds import FarEnd, Hold
 from dlo_planner.model.obstacles import (
     Box,
     Capsule,
@@ -42,7 +43,7 @@ from dlo_planner.model.obstacles import (
 )
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.supports import FarEnd, PointLoad
+from dlo_planner.model.supports import PointLoad
 from dlo_planner.parallel.batch import solve_many
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import Limits
@@ -54,7 +55,7 @@ from dlo_planner.verify.robustness import robustness
 
 __all__ = ['Box', 'Capsule', 'ClosedLoop', 'CutOut', 'Cylinder', 'DeadlineExceeded',
            'DirectSimulator', 'DloPlannerError', 'DoubtfulInput', 'Ellipsoid', 'FarEnd',
-           'HoldContact', 'Hull', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask',
+           'Hold', 'HoldContact', 'Hull', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask',
            'InverseSimulator', 'LayOnLine', 'Limits', 'Mesh', 'Minimize', 'NotConverged',
            'Observer', 'Plan', 'Plane', 'PointLoad', 'Pose', 'Rod', 'Shape', 'Sheet',
            'SlideContact', 'Sphere', 'Thread', 'ThreadSequence', 'ThreadTwo', 'Trajectory',

@@ -12,9 +12,10 @@ from benchmarks.cosserat.stretch import Stretch
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.supports import FarEnd, PointLoad
+from dlo_planner.model.supports import PointLoad
 
 _SAME = 1e-6      # of strain: what turns may still change
 _TURNS = 40

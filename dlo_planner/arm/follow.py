@@ -74,7 +74,7 @@ def rolls_freely(simulator: DirectSimulator | GraspedInside, plan: Plan) -> bool
     instance('plan', plan, Plan)
     rod = simulator.rod
     round_ = rod.section is None or rod.section.kind != 'rectangular'
-    loose = all(shape.far_end is None and shape.parts is None for shape in plan.shapes)
+    loose = all(not shape.holds and shape.parts is None for shape in plan.shapes)
     return bool(round_ and loose and not rod.yields and is_axisymmetric(rod))
 
 

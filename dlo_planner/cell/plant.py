@@ -39,10 +39,10 @@ from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number, row, vector
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.obstacles import OBSTACLES, Capsule, Hull, Mesh, Obstacle, Plane, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.triangles import hull, volume
 from dlo_planner.model.value import Value
 

@@ -44,9 +44,9 @@ from dlo_planner.inverse.tasks.thread_sequence import threading_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import number
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, doubts
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.triangles import UNITS
 from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map
 from dlo_planner.parallel.capability import QUANTITIES

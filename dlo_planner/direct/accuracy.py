@@ -44,6 +44,7 @@ from dlo_planner.geometry.so3 import (
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hessian import Hessian, assemble, factorize, new_hessian, solve
 from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.model.holds import places_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import Surroundings
 from dlo_planner.model.value import changed, freeze, same
@@ -78,13 +79,16 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
     A shape that misses the accuracy on the largest mesh says so: `converged` is False. What is in
     contact may miss it on any: that is for `judged` to say, at the end of a step.
     """
-    accuracy, far_end = wanted, how.far_end
+    accuracy, holds = wanted, how.holds
+    inside = places_of(holds) if holds and holds[0].s is not None else ()
+    if inside:
+        fine = 'local'  # see `Discretization.with_nodes`
     mesh = mesh_to_begin_with(first, fine, accuracy, initial, how.memory)
-    if far_end is not None:
+    if holds:
         from dlo_planner.direct.taut import bent_mesh  # noqa: PLC0415  (SciPy: a free DLO needs none)
         if first.obstructed and initial is None:
             mesh = _fine_enough_to_bend(mesh, fine)
-        mesh = bent_mesh(mesh, gripper, far_end, fine)
+        mesh = bent_mesh(mesh.with_nodes(inside) if inside else mesh, gripper, holds, fine)
     begin, start, kicks = initial, None, 0
     while True:
         shape = step(mesh, gripper, begin, how, start)
@@ -100,7 +104,7 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
                 finer = _refined(mesh, fine, shape, accuracy)
             if finer is None:
                 return shape
-            mesh, start = finer, None
+            mesh, start = finer.with_nodes(inside) if inside else finer, None
             continue
         if kicks and how.most < np.inf and not shape.state.culled:  # a fall is made in parts
             return shape
@@ -125,7 +129,7 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
             finer = _refined(mesh, fine, shape, accuracy)
             if finer is None:
                 return judged(shape, wanted)
-            mesh, start = finer, None
+            mesh, start = finer.with_nodes(inside) if inside else finer, None
         if not _way_counts(shape, initial):
             begin = shape  # a better start; else the step is made again
 
@@ -137,7 +141,7 @@ def _made_with_a_set(shape: Shape) -> bool:
 
 def _way_counts(shape: Shape, initial: Shape | None) -> bool:
     """Whether a Shape depends on the way that led to it, and not only where that ended."""
-    around, held = shape.state.made_on.surroundings, shape.far_end is not None
+    around, held = shape.state.made_on.surroundings, bool(shape.holds)
     if shape.state.culled:
         return held and initial is not None
     rubs = any(one.friction for one in around.obstacles)
@@ -188,7 +192,7 @@ def _mode_is_missed(shape: Shape, accuracy: float) -> bool:
 def _freed(shape: Shape) -> Shape:
     """Return the equilibrium beside a Shape on its mesh without the series."""
     return equilibrium(shape.state.made_on.local, shape.gripper, shape.element_strains,
-                       shape.state.history, shape.far_end, culled=shape.state.culled)
+                       shape.state.history, shape.holds, culled=shape.state.culled)
 
 
 def _fine_enough_to_bend(mesh: Discretization, fine: str) -> Discretization:
@@ -287,12 +291,13 @@ def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = N
     here = shape.state.made_on if mesh is None else mesh
     if (shape.dissipated or not here.bounded_by_truncation
             or shape.contacts and accuracy < _BEARS * shape.s[-1]
-            or shape.stability < _STABLE and (shape.far_end is None or here.basis != 'local')):
+            or shape.holds and places_of(shape.holds)
+            or shape.stability < _STABLE and (not shape.holds or here.basis != 'local')):
         return False
     strains, system = shape.element_strains, here.free
     if not here.has_nodes(shape.s):
         freeze(strains := here.strains_from(shape.s, strains))  # as those of a Shape are
-    times = _TOUCHING if shape.contacts else _FREE if shape.far_end is None else _HELD
+    times = _TOUCHING if shape.contacts else _HELD if shape.holds else _FREE
     return bool(times * truncation_error(system.lengths, strains, system.natural, system.scale,
                                          system.basis) <= accuracy)
 
@@ -321,7 +326,7 @@ def foreseen(shape: Shape, accuracy: float,
     """
     known, elements = shape.state.made_on, shape.element_strains.shape[0]
     around = known.surroundings
-    if (not shape.state.culled or shape.far_end is not None or known.basis != 'local'
+    if (not shape.state.culled or shape.holds or known.basis != 'local'
             or known.rod.varies or callable(around.load) or not 2 < elements < _MOST_ELEMENTS):
         return None
     mass: Any = known.rod.mass_per_length  # nothing varies

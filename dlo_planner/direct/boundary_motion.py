@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How grips move: poses of grippers and far ends, and smooth motions through them."""
+"""How grips move: poses of grippers and of what else holds, and smooth motions through them."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -12,8 +12,8 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items
+from dlo_planner.model.holds import Hold, Holds, alike, holds_of, posed, tip_held
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, put
 
 
@@ -83,22 +83,25 @@ def _spline(poses: Sequence[Pose], at_rest: bool) -> Any:
 
 
 class BoundaryMotion(Value):
-    """All that holds a DLO in motion; `grip` is that of `FarEnd`, unused where the end is free."""
+    """All that holds a DLO in motion: the gripper, and A holds of the same places all the time.
 
-    _PARTS = ('gripper', 'far_end', 'grip')
+    `kinds` are the Holds at time 0, `paths` how each of them moves.
+    """
+
+    _PARTS = ('gripper', 'paths', 'kinds')
 
     gripper: GripTrajectory
-    far_end: GripTrajectory | None
-    grip: str
+    paths: tuple[GripTrajectory, ...]
+    kinds: Holds
 
-    def __init__(self, gripper: GripTrajectory, far_end: GripTrajectory | None = None,
-                 grip: str = 'clamped'):
-        put(self, gripper=gripper, far_end=far_end, grip=grip)
+    def __init__(self, gripper: GripTrajectory, paths: Sequence[GripTrajectory] = (),
+                 kinds: Holds = ()) -> None:
+        put(self, gripper=gripper, paths=tuple(paths), kinds=kinds)
 
-    def at(self, place: float) -> tuple[Pose, FarEnd | None]:
-        """Return the gripper's Pose and the FarEnd, or None, at `place` = time / dt."""
-        end = None if self.far_end is None else FarEnd(self.far_end.at(place), self.grip)
-        return self.gripper.at(place), end
+    def at(self, place: float) -> tuple[Pose, Holds]:
+        """Return the gripper's Pose and the Holds at `place` = time / dt."""
+        return self.gripper.at(place), tuple(
+            posed(hold, path.at(place)) for hold, path in zip(self.kinds, self.paths, strict=True))
 
 
 def poses(grippers: Iterable[Pose], least: int = 0) -> tuple[Pose, ...]:
@@ -108,29 +111,59 @@ def poses(grippers: Iterable[Pose], least: int = 0) -> tuple[Pose, ...]:
                  for index, gripper in enumerate(given))
 
 
-def ends_of(far_ends: Iterable[Any] | None, count: int) -> list[FarEnd | None]:
-    """Return a FarEnd, or None, for each of `count` gripper poses; raise InvalidTask."""
+def held_by(far_ends: Iterable[Any] | None, holds: Iterable[Any], count: int,
+            length: float) -> list[Holds]:
+    """Return the Holds at each of `count` gripper poses; raise InvalidTask.
+
+    `far_ends` has what `FarEnd.of` takes for each of them; `holds` Holds, which rest, or for each
+    the Holds there.
+    """
+    given: tuple[Any, ...] = items('holds', holds, object)
+    if far_ends is None and not given:
+        return [()] * count
+    ends = ends_of(far_ends, count)
+    if all(isinstance(hold, Hold) for hold in given):  # they rest
+        each = [given] * count
+    else:
+        each = [items(f'holds[{k}]', one, Hold) for k, one in enumerate(given)]
+        if len(each) != count:
+            raise InvalidTask(f'holds has {len(each)} entries: expected Holds, which rest, or '
+                              f'those at each of the gripper poses, {count}')
+    return [holds_of(end, one, length, 'holds' if len(each) < 2 else f'holds[{k}]')
+            for k, (end, one) in enumerate(zip(ends, each, strict=True))]
+
+
+def ends_of(far_ends: Iterable[Any] | None, count: int) -> list[Hold | None]:
+    """Return a Hold of the tip, or None, for each of `count` gripper poses; raise InvalidTask."""
     if far_ends is None:
         return [None] * count
     given: tuple[Any, ...] = items('far_ends', far_ends, object)
-    ends = [FarEnd.of(end) for end in given]
+    ends = [tip_held(end) for end in given]
     if len(ends) != count:
         raise InvalidTask(f'far_ends has {len(ends)} entries: expected one per gripper pose, '
                           f'{count}')
     return ends
 
 
-def moving_grips(grippers: Sequence[Pose], ends: Sequence[FarEnd | None], dt: float, at_rest: bool,
+def moving_grips(grippers: Sequence[Pose], held: Sequence[Holds], dt: float, at_rest: bool,
                  initial: Shape | None) -> BoundaryMotion:
     """Return the smooth motion of what holds a DLO, at instants `dt` (s) apart."""
-    if len({None if end is None else end.grip for end in ends}) > 1:
-        raise InvalidTask('far_ends: expected the same grip from the beginning to the end of a '
-                          'motion')
-    if initial is not None and initial.far_end is not None and ends[0] is None:
-        raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
-                          'free, as it is in the motion, or far_ends')
-    gripper = GripTrajectory(grippers, dt, at_rest)
-    if ends[0] is None:
-        return BoundaryMotion(gripper)
-    held = [end.pose for end in ends if end is not None]
-    return BoundaryMotion(gripper, GripTrajectory(held, dt, at_rest), ends[0].grip)
+    first = held[0]
+    for k, holds in enumerate(held):
+        if holds is not first and not alike(holds, first):
+            inside = any(hold.s is not None for hold in (*holds, *first))
+            raise InvalidTask(
+                f'holds[{k}]: expected the same places and grips from the beginning to the end of '
+                'a motion' if inside else 'far_ends: expected the same grip from the beginning to '
+                'the end of a motion')
+    if initial is not None:
+        places = {hold.s for hold in first}
+        if initial.far_end is not None and None not in places:
+            raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
+                              'free, as it is in the motion, or far_ends')
+        if not {hold.s for hold in initial.holds} <= places:
+            raise InvalidTask(f'initial is held by {initial.holds}: expected a Shape that is held '
+                              'where it is in the motion, or `holds` of these places')
+    paths = [GripTrajectory([holds[k].pose for holds in held], dt, at_rest)
+             for k in range(len(first))]
+    return BoundaryMotion(GripTrajectory(grippers, dt, at_rest), paths, first)

@@ -21,18 +21,18 @@ import numpy as np
 from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import Grips, equilibrium, work_of_grips
+from dlo_planner.direct.statics import Grips, equilibrium, frame_inside, grips_at, work_of_grips
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
 from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.holds import Holds
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import changed, freeze
 
-Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, far end, `StepInputs.most`)
+Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, holds, `StepInputs.most`)
 
 LONGEST_TURN = 0.25     # rad: longer steps of the gripper are cut in any case
 _LONGEST_SHIFT = 0.05   # of the length: the same, of a DLO that touches
@@ -55,7 +55,7 @@ _TURNED = np.cos(0.5)   # rad: a normal that turns more is another contact, as b
 _ANY_TURN = 1e3         # rad: the limit of a step in contact, which is looked at first
 
 
-def follow(solve: Equilibrium, previous: Shape, gripper: Pose, far_end: FarEnd | None = None,
+def follow(solve: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
            at_once: bool = False) -> Shape:
     """Return the Shape at `gripper` that continues `previous`; its `jumped` says if none does.
 
@@ -66,7 +66,7 @@ def follow(solve: Equilibrium, previous: Shape, gripper: Pose, far_end: FarEnd |
     mesh = previous.state.mesh
     if mesh is not None and mesh.surroundings.pinned:  # the DLO does not turn with a ball joint
         gripper = Pose.from_rotation(gripper.position, previous.gripper.rotation)
-    return _followed(solve, previous, Grips(gripper, far_end), at_once, None)
+    return _followed(solve, previous, Grips(gripper, holds), at_once, None)
 
 
 def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
@@ -75,14 +75,14 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
     way = _way(previous, goal)
     if last or not _is_long(way, bool(previous.contacts), at_once):
-        if previous.contacts and goal.far_end is None and not last:
+        if previous.contacts and not goal.holds and not last:
             most = _ANY_TURN
-        elif not (last or at_once or previous.contacts or goal.far_end is not None):
+        elif not (last or at_once or previous.contacts or goal.holds):
             most = _LEAP + _FOLLOWING * way.turn
         if tried is None or last and tried.state.kicks:
-            tried = solve(goal.gripper, previous, goal.far_end, most)
+            tried = solve(goal.gripper, previous, goal.holds, most)
         shape = tried
-        if not shape.converged and (shape.jumped or goal.far_end is not None and halvings is None):
+        if not shape.converged and (shape.jumped or goal.holds and halvings is None):
             return shape  # it went in parts already: the way is blocked, or out of reach
         good, touches = sound(previous, shape, way), bool(previous.contacts or shape.contacts)
         if good and (last or not _changes(previous, shape)):
@@ -112,7 +112,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
         return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
     while True:
         if (not whole and middle.jumped and left >= _AFTER and middle.state.culled
-                and goal.far_end is None):
+                and not goal.holds):
             return middle  # what is left of the way is for the step that all of it began with
         rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
         if not rest.converged and shape is not None and shape.converged:
@@ -121,7 +121,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
         short = rest.jumped and rest.state.culled and rest.gripper is not goal.gripper
         jumped, passed = rest.jumped or middle.jumped, _either(middle, rest)
         if (not short and shape is not None and shape.converged and shape.state.culled
-                and goal.far_end is None and shape_change(rest, shape) <= _SAME):
+                and not goal.holds and shape_change(rest, shape) <= _SAME):
             rest = shape  # what hangs freely does not remember its way, nor shall its mesh
         if rest.passed_itself is not passed:
             rest = changed(rest, passed_itself=passed)
@@ -154,11 +154,11 @@ def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
     They do not where one of them alone changes as much as both: what leaps does so in any step.
     """
     there = _partway(previous, goal)
-    most = _ANY_TURN if previous.contacts and goal.far_end is None else np.inf
-    first = solve(there.gripper, previous, there.far_end, most)
+    most = _ANY_TURN if previous.contacts and not goal.holds else np.inf
+    first = solve(there.gripper, previous, there.holds, most)
     if not sound(previous, first, _way(previous, there)):
         return False, first
-    end = solve(goal.gripper, first, goal.far_end, most)
+    end = solve(goal.gripper, first, goal.holds, most)
     agree = (sound(first, end, _way(first, goal)) and not _changes(shape, end)
              and shape_change(shape, end) <= _SAME)
     if agree:
@@ -175,7 +175,7 @@ def _to_its_end(solve: Equilibrium, previous: Shape, goal: Grips, shape: Shape,
     """
     if most == np.inf or (not shape.state.kicks if shape.converged else most == _ANY_TURN):
         return shape
-    return solve(goal.gripper, previous, goal.far_end, np.inf)
+    return solve(goal.gripper, previous, goal.holds, np.inf)
 
 
 def _jumped(shape: Shape) -> Shape:
@@ -185,9 +185,7 @@ def _jumped(shape: Shape) -> Shape:
 
 def _partway(previous: Shape, goal: Grips) -> Grips:
     """Return where the grips are halfway from a Shape to `goal`."""
-    end = None if goal.far_end is None else FarEnd(
-        Pose.from_rotation(previous.positions[-1], previous.frames[-1]))
-    return Grips(previous.gripper, end).towards(goal, 0.5)
+    return grips_at(previous, goal.holds).towards(goal, 0.5)
 
 
 class Way(NamedTuple):
@@ -195,7 +193,7 @@ class Way(NamedTuple):
 
     shift: float        # of the gripper, of the length
     turn: float         # of the gripper, rad; 0 of a ball joint, with which no DLO turns
-    held: float | None  # of what the far end's grip holds, rad and of the length; None: no grip
+    held: float | None  # of all else that is held, rad and of the length; None: nothing is
 
     @property
     def size(self) -> float:
@@ -205,31 +203,34 @@ class Way(NamedTuple):
 
 def _way(previous: Shape, goal: Grips) -> Way:
     """Return the Way of the grips from where they are in a Shape to `goal`."""
-    length, held = float(previous.s[-1]), None
+    length, held = float(previous.s[-1]), 0.0 if goal.holds else None
     one, other = previous.gripper, goal.gripper
-    if goal.far_end is not None:
-        pose = goal.far_end.pose
-        held = _missed(goal.far_end.held, previous.frames, previous.positions, pose.rotation,
-                       pose.position, length)
+    if held is not None:
+        for hold in goal.holds:
+            frame, position = previous.frames[-1], previous.positions[-1]
+            if hold.s is not None:
+                frame, position = frame_inside(previous, hold.s)
+            held += _missed(hold.held, frame, position, hold.pose.rotation, hold.pose.position,
+                            length)
     shift = dist(one.position.tolist(), other.position.tolist())  # quicker than of arrays
     return Way(shift / length,
                0.0 if previous.pinned else angle_between(one.rotation, other.rotation), held)
 
 
 @kernel
-def _missed(rows: Floats, frames: Floats, positions: Floats, rotation: Floats, place: Floats,
+def _missed(rows: Floats, frame: Floats, position: Floats, rotation: Floats, place: Floats,
             length: float) -> float:
-    """Return how far the last node is from a grip that holds `rows` (K, 6), rad and of the length.
+    """Return how far a node is from a grip that holds `rows` (K, 6), rad and of the length.
 
-    Shapes: frames (N + 1, 3, 3) and positions (N + 1, 3) of the nodes, those of the grip.
+    Shapes: frame (3, 3) and position (3,) of the node, those of the grip.
     """
-    turn = rotation_vector(times_transposed(matrix(rotation), matrix(frames[-1])))
+    turn = rotation_vector(times_transposed(matrix(rotation), matrix(frame)))
     turned = shifted = 0.0
     for row in range(rows.shape[0]):
         by_turn = by_shift = 0.0
         for i in range(3):
             by_turn += rows[row, i] * turn[i]
-            by_shift += rows[row, 3 + i] * (place[i] - positions[-1, i])
+            by_shift += rows[row, 3 + i] * (place[i] - position[i])
         turned += by_turn * by_turn
         shifted += by_shift * by_shift
     return float(np.sqrt(turned) + np.sqrt(shifted) / length)
@@ -252,7 +253,7 @@ def sound(previous: Shape, shape: Shape, way: Way) -> bool:
 
 def surely_follows(previous: Shape, shape: Shape) -> bool:
     """Return whether `follow` takes `shape`, found in one step, as it is; arguments as `sound`."""
-    way = _way(previous, Grips(shape.gripper, shape.far_end))
+    way = _way(previous, Grips(shape.gripper, shape.holds))
     return (sound(previous, shape, way) and not _changes(previous, shape)
             and not _is_long(way, bool(previous.contacts or shape.contacts), False)
             and _led(previous, shape).passed_itself is False)
@@ -265,13 +266,24 @@ def fell(previous: Shape, shape: Shape, way: Way | None = None) -> bool:
     lost energy that neither work nor friction accounts for.
     """
     change, way = shape_change(previous, shape), way or _way(
-        previous, Grips(shape.gripper, shape.far_end))
-    if not (previous.contacts or shape.contacts or shape.far_end is not None or shape.pinned):
+        previous, Grips(shape.gripper, shape.holds))
+    if not (previous.contacts or shape.contacts or shape.holds or shape.pinned):
         return change > _LEAP + _FOLLOWING * way.turn  # its shift deforms nothing
     leap = _LEAP_OFF if _comes_off(previous, shape) else _LEAP_ON
     if change > leap + _FOLLOWING * way.size:
         return True
-    return (previous.far_end is None or shape.far_end is not None) and _lost(previous, shape)
+    return not _let_go(previous, shape) and _lost(previous, shape)
+
+
+def _let_go(previous: Shape, shape: Shape) -> bool:
+    """Whether a place that was held is not held any more, which frees energy."""
+    for hold in previous.holds:
+        for other in shape.holds:
+            if hold.s == other.s:
+                break
+        else:
+            return True
+    return False
 
 
 def _lost(previous: Shape, shape: Shape) -> bool:
@@ -289,7 +301,7 @@ def _lost(previous: Shape, shape: Shape) -> bool:
     past, mesh = shape.state.history, shape.state.mesh
     if past is not None and shape.contacts:
         lost -= past.friction_work
-    if shape.far_end is None or shape_change(previous, shape) <= _LEAP_ON:
+    if not shape.holds or shape_change(previous, shape) <= _LEAP_ON:
         least += _ROUGH * energy
         if mesh is not None:
             stiffness = float(mesh.free.stiffness[:, 1:].min())
@@ -305,7 +317,7 @@ def _on_mesh_of(shape: Shape, previous: Shape) -> Shape:
         return previous
     there = equilibrium(mesh, previous.gripper,
                         mesh.strains_from(previous.s, previous.element_strains),
-                        mesh.past(previous.state.held), previous.far_end,
+                        mesh.past(previous.state.held), previous.holds,
                         culled=previous.state.culled)
     return there if there.converged else previous
 

@@ -7,7 +7,7 @@ What a DLO carries from one step to the next stands on the elements on which the
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from dlo_planner.energy.contact import Contact, ContactSet
-from dlo_planner.energy.grip import GripConstraint, no_grip
+from dlo_planner.energy.grip import HoldRows, no_holds
 from dlo_planner.energy.inertia import no_inertia
 from dlo_planner.energy.loads import node_forces, node_masses, node_moments
 from dlo_planner.energy.plastic import (
@@ -34,9 +34,10 @@ from dlo_planner.geometry.basis import equidistribute, orthonormal_basis, very_t
 from dlo_planner.minimize.solve import placed
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import row, shown
+from dlo_planner.model.holds import Holds, held_rows, place_of
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Rod, Surface
-from dlo_planner.model.supports import FarEnd, Surroundings, held_rows
+from dlo_planner.model.supports import Surroundings
 from dlo_planner.model.value import FrozenDict, Value, changed, freeze, put, same
 
 # Springs of constraints yield by 1 / these of the length under the DLO's own forces: those of
@@ -97,7 +98,7 @@ class Memory(Value):
     s: Floats              # (N + 1,) arc lengths of the nodes, m
     plastic: Floats        # (N, J) plastic strain of each spring, 1/m; (N, 0): elastic
     dissipated: float      # J, lost to plastic deformation so far
-    hold: Floats           # (K,) N, forces of the far end's grip
+    hold: Floats           # (K,) N, forces of what holds it beside the gripper
     node_force: Floats     # (M, N + 1) N, of each body on each node
     points: ContactPoints
     positions: Floats      # (N + 1, 3) m, of the nodes at its end; (0, 3) without a step so far
@@ -121,7 +122,7 @@ class Memory(Value):
 
     @cached_property
     def idle(self) -> bool:
-        """Whether nothing of it has a say in the next step, whose far end is free."""
+        """Whether nothing of it has a say in the next step of a DLO that nothing else holds."""
         return not (self.points.element.size or self.dissipated or self.plastic.any()
                     or self.node_force.any())
 
@@ -209,7 +210,7 @@ class Memory(Value):
             _filed(arrays, 'point_fraction', (count,), -1.0, 1.0),  # see `ContactSet`
             *(_filed(arrays, f'point_{name}', (count, 3)) for name in ContactPoints._fields[4:]))
         return cls(s, _filed(arrays, 'set', strain), float(_filed(arrays, 'lost', (), 0.0)),
-                   _filed(arrays, 'hold', (min(np.size(arrays.get('hold', ())), 6),)),
+                   _filed(arrays, 'hold', (np.size(arrays.get('hold', ())),)),
                    _filed(arrays, 'node_force', (bodies, s.size)), points,
                    _filed(arrays, 'positions', ends), _filed(arrays, 'tangents', ends),
                    set_error=float(_filed(arrays, 'set_error', (), 0.0)),
@@ -259,7 +260,7 @@ class Discretization(Value):
     """A rod on a mesh, in a basis, with all that acts on it but the grippers (immutable).
 
     Its Problems: `free`, without what acts only where it is touched or reached (obstacles, a yield
-    stress) and without a grip of the far end; `held`, the same with such a grip; `full`, with all.
+    stress) and held by the gripper alone; `held`, the same with other holds; `full`, with all.
     """
 
     _PARTS = ('surroundings', 's', 'basis', 'n_terms', 'variation')
@@ -328,7 +329,7 @@ class Discretization(Value):
 
     @cached_property
     def held(self) -> Problem:
-        """The Problem with a grip of the far end, without what may act; of the type of `full`."""
+        """The Problem with other holds, without what may act; of the type of `full`."""
         around = self.surroundings
         if not around.obstacles and not self.yields:
             return self.full
@@ -344,7 +345,7 @@ class Discretization(Value):
         loads = {name: term.made(self.surroundings, self.s) for name, term in TERMS.items()
                  if hasattr(term, 'made')}
         return self.free._replace(elastic=elastic_part(rod), plastic=section, anchor=no_inertia(),
-                                  hold=self._free_end, contact=Contact(scene, contacts), **loads)
+                                  hold=self._no_holds, contact=Contact(scene, contacts), **loads)
 
     @property
     def static(self) -> Problem:
@@ -378,16 +379,16 @@ class Discretization(Value):
         return past.plastic, past.node_force, *past.points[:-1]
 
     def system(self, rotation: Floats, origin: ArrayLike | None = None,
-               memory: Memory | None = None, far_end: FarEnd | None = None, *,
+               memory: Memory | None = None, holds: Holds = (), *,
                culled: bool = False, springs: bool = True) -> Problem:
         """Return the kernel's Problem in a gripper, its multipliers fresh copies.
 
-        `culled`: without what may act; `springs`: whether a grip has some beside its forces.
+        `culled`: without what may act; `springs`: whether holds have some beside their forces.
         Shapes: rotation (3, 3), origin (3,).
         """
         base = np.array(rotation, dtype=float, order='C')
         place = np.zeros(3) if origin is None else np.array(origin, dtype=float)
-        if far_end is None and (culled or self.hangs):
+        if not holds and (culled or self.hangs):
             free: Problem = with_gripper(self.free, base, place)
             return free
         past = self.start if memory is None else memory
@@ -395,8 +396,8 @@ class Discretization(Value):
             self._nothing if culled else (past.plastic, past.node_force, *past.points[:-1]))
         result: Problem = placed(
             self.held if culled else self.full, base, place,
-            self._grip(far_end, place, past.hold, springs),
-            self.spring if far_end is None else self.held_spring, *left)
+            self._hold_rows(holds, place, past.hold, springs) if holds else self._no_holds,
+            self.held_spring if holds else self.spring, *left)
         return result
 
     @cached_property
@@ -412,45 +413,84 @@ class Discretization(Value):
 
     @cached_property
     def spring(self) -> float:
-        """Spring in N/m of contacts where one end is held."""
+        """Spring in N/m of contacts where the gripper alone holds it."""
         return self._springs['spring']
 
     @cached_property
     def held_spring(self) -> float:
-        """Spring in N/m of contacts where both ends are held."""
+        """Spring in N/m of contacts where more than the gripper holds it."""
         return self._springs['held_spring']
 
     @cached_property
     def hold_spring(self) -> float:
-        """Spring in N/m of a grip of the far end."""
+        """Spring in N/m of what holds it beside the gripper."""
         return self._springs['hold_spring']
 
     @cached_property
-    def _free_end(self) -> GripConstraint:
-        return no_grip(self.hold_spring, self.hold_spring * self.lever**2)
+    def _no_holds(self) -> HoldRows:
+        return no_holds(self.hold_spring, self.hold_spring * self.lever**2)
 
-    def _grip(self, far_end: FarEnd | None, origin: Floats, force: Floats,
-              springs: bool) -> GripConstraint:
-        """Return the GripConstraint of the far end, with the forces (K,) that are known, N."""
-        if far_end is None:
-            return self._free_end
-        stiffness = self.hold_spring if springs else 0.0
-        rows, = self.grip_rows(far_end.grip, [far_end.pose.rotation])
-        return GripConstraint(
-            far_end.pose.position - origin, np.array(far_end.pose.rotation, order='C'),
-            np.array(far_end.share), rows,
-            np.array(force) if force.shape == (len(rows),) else np.zeros(len(rows)), stiffness,
+    def _hold_rows(self, holds: Holds, origin: Floats, force: Floats, springs: bool) -> HoldRows:
+        """Return the HoldRows of Holds, with the forces (K,) that are known, N."""
+        stiffness = 0.0
+        if springs:
+            stiffness = self.hold_spring if holds[0].s is None else self._spring_of(holds)
+        node, first, share = self.held_nodes(holds)
+        rows, target, axes = np.empty((first.item(-1), 6)), np.empty(share.shape), np.empty(
+            (len(holds), 3, 3))
+        for k, hold in enumerate(holds):
+            rows[first[k]:first[k + 1]] = hold.held
+            target[k], axes[k] = hold.pose.position, hold.pose.rotation
+        rows[:, :3] *= self.lever
+        return HoldRows(
+            node, first, target - origin, axes, share, rows,
+            np.array(force) if force.size == len(rows) else np.zeros(len(rows)), stiffness,
             stiffness * self.lever**2)
 
-    def grip_rows(self, grip: str, axes: Sequence[Floats] | Floats) -> Floats:
-        """Return (n, K, 6) what a grip holds at each of n rotations (3, 3), all in m."""
-        rows = np.array([held_rows(grip, one) for one in axes])
+    def _spring_of(self, holds: Holds) -> float:
+        """Return the `hold_spring` of a DLO as long as the shortest part between two grips, N/m."""
+        length, at, shortest = self.s.item(-1), 0.0, 1.0
+        for hold in holds:
+            place = place_of(hold, length)
+            shortest, at = min(shortest, (place - at) / length), place
+        return self.hold_spring / shortest**3
+
+    def held_nodes(self, holds: Holds) -> tuple[Ints, Ints, Floats]:
+        """Return nodes (A,), where the rows (A + 1,) begin, and shares (A, 3) of A Holds.
+
+        All as of HoldRows; they are kept for the next step, and nobody writes into them.
+        """
+        kinds: tuple[Any, ...] = ()
+        for hold in holds:
+            kinds += hold.s, hold.grip
+        known = self._held_nodes.get(kinds)
+        if known is None:
+            s = self.s if self._nominal is None else self._nominal.s
+            tiny = _SAME_NODE * s.item(-1)
+            node = [s.size - 1 if hold.s is None else int(s.searchsorted(hold.s - tiny))
+                    for hold in holds]
+            known = (np.array(node, dtype=np.int64),
+                     np.cumsum([0, *(len(hold.held) for hold in holds)]),
+                     np.array([hold.share for hold in holds]).reshape(-1, 3))
+            self._held_nodes.clear()  # those of one set of holds are kept
+            self._held_nodes[kinds] = known
+        return known
+
+    @cached_property
+    def _held_nodes(self) -> dict[tuple[Any, ...], tuple[Ints, Ints, Floats]]:
+        return {}
+
+    def grip_rows(self, holds: Holds, axes: Floats) -> Floats:
+        """Return (n, K, 6) what Holds hold at n times rotations (n, A, 3, 3), all in m."""
+        rows = np.array([np.concatenate([
+            held_rows(hold.grip, one) for hold, one in zip(holds, each, strict=True)])
+            for each in axes])
         rows[:, :, :3] *= self.lever
         return rows
 
     @property
     def lever(self) -> float:
-        """A grip that is turned by 1 rad is missed by so much, m."""
+        """A hold that is turned by 1 rad is missed by so much, m."""
         return float(_LEVER * self.s[-1])
 
     # ---- what is known of it --------------------------------------------------------------------
@@ -595,6 +635,25 @@ class Discretization(Value):
         if self.basis == 'local':
             return self
         return Discretization(self.surroundings, self.s, 'local', 0)
+
+    @cached_property
+    def _with_nodes(self) -> dict[tuple[float, ...], Discretization]:
+        return {}
+
+    def with_nodes(self, places: tuple[float, ...]) -> Discretization:
+        """Return a Discretization that has nodes at arc lengths (m) where something holds inside.
+
+        Strains jump there, and so do their slopes, which no series follows: it is a local one.
+        """
+        if not places or self.basis == 'local' and np.isin(places, self.s).all():
+            return self
+        known = self._with_nodes.get(places)
+        if known is None:
+            s = with_breaks(self.s, np.union1d(self.surroundings.breaks, places))
+            known = Discretization(self.surroundings, s, 'local', 0)
+            self._with_nodes.clear()  # those of one set of holds are kept
+            self._with_nodes[places] = known
+        return known
 
     def within(self, surroundings: Surroundings) -> Discretization:
         """Return the same elements of the rod of other Surroundings, as long or not."""

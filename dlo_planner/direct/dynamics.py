@@ -44,8 +44,9 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, number, returned, vector
+from dlo_planner.model.holds import FarEnd, Hold, Holds, named, place_of
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.supports import FarEnd, Surroundings
+from dlo_planner.model.supports import Surroundings
 from dlo_planner.progress import Progress, interrupted_by
 
 # At time 0: of the nodes, or a callable of s
@@ -94,16 +95,19 @@ def moving_mesh(known: Discretization) -> Discretization:
     return Discretization(known.surroundings, finer, known.basis, known.n_terms)
 
 
-def first_shape(discretization: Discretization, gripper: Pose, far_end: FarEnd | None,
+def first_shape(discretization: Discretization, gripper: Pose, holds: Holds,
                 initial: Shape, memory: Memory | None) -> Shape:
     """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings."""
     length = discretization.s[-1]
     _check_held('gripper', 'grippers[0]', FarEnd(gripper), initial.gripper, length)
-    if far_end is not None:
-        _check_held('far end', 'far_ends[0]', far_end, initial.at(float(initial.s[-1])), length)
+    for hold in holds:
+        what, where = 'far end', 'far_ends[0]'
+        if hold.s is not None:
+            what, where = f'place at s = {hold.s:g} m', f'holds[0] of {hold.by}'
+        _check_held(what, where, hold, initial.at(place_of(hold, float(initial.s[-1]))), length)
     past = past_of(discretization, initial, memory)
     strains = discretization.strains_from(initial.s, initial.element_strains)
-    first = equilibrium(discretization, gripper, strains, past, far_end, how=Search(0, False))
+    first = equilibrium(discretization, gripper, strains, past, holds, how=Search(0, False))
     first = replace(first, converged=True)  # nothing was solved yet that could have failed
     if initial.state.mesh is discretization and _alike(first, initial):
         first = initial
@@ -113,7 +117,7 @@ def first_shape(discretization: Discretization, gripper: Pose, far_end: FarEnd |
     return first
 
 
-def _check_held(what: str, where: str, grip: FarEnd, pose: Pose, length: float) -> None:
+def _check_held(what: str, where: str, grip: Hold, pose: Pose, length: float) -> None:
     """Raise InvalidTask unless a Pose of `initial` is one that a grip allows."""
     rows = grip.held
     miss = rows @ np.concatenate([turn_between(pose.rotation, grip.pose.rotation),
@@ -312,7 +316,7 @@ def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:
     if own is None:
         return None
     coarse, fine = (
-        equilibrium(each, shape.gripper, strains, each.past(shape.state.history), shape.far_end)
+        equilibrium(each, shape.gripper, strains, each.past(shape.state.history), shape.holds)
         for each, strains in ((own, np.array(shape.element_strains)),
                               (own.finer, np.repeat(shape.element_strains, 2, axis=0))))
     moved = np.abs(coarse.positions - shape.positions).max()
@@ -514,8 +518,8 @@ def _blocked(stepper: Stepper, instants: int) -> tuple[float, str]:
         return np.inf, ''
     places, deep = np.arange((instants - 1) * _LOOKS + 1) / _LOOKS, KEPT * mesh.s[-1]
     held = [('gripper', grips.gripper)]
-    if grips.far_end is not None and grips.grip != 'sleeve':
-        held.append(('far end', grips.far_end))
+    held += [('far end' if hold.s is None else named(hold), path)
+             for hold, path in zip(grips.kinds, grips.paths, strict=True) if not hold.slides]
     first = np.inf, ''
     for what, grip in held:
         depths = penetrations_of_points(mesh.scene, np.array(grip.along(places)[1]))

@@ -83,7 +83,7 @@ def _filled(system: Problem, rods: RodTable, rod_of: Ints, positions: Floats,
             'gripper_wrench': wrenches, 'elastic_energy': energies[:, 0], 'energy': energies[:, 1],
             'residual': residual, 'stability': stability, 'iterations': iterations,
             'converged': (residual < CONVERGED) & (stability > -NEUTRAL),
-            'jumped': np.zeros(n, dtype=bool),
+            'jumped': np.zeros(n, dtype=bool), 'wrenches': np.zeros((n, 0, 6)),
             'dissipated': np.zeros(n), 'violation': np.zeros(n)}, truncated
 
 

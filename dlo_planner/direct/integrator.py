@@ -21,7 +21,7 @@ import numpy as np
 
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.elastic import Elastic
-from dlo_planner.energy.grip import GripConstraint
+from dlo_planner.energy.grip import HoldRows
 from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.plastic import add_plastic, yields
 from dlo_planner.energy.potential import evaluate, unknowns_of
@@ -108,8 +108,10 @@ class StepOptions(Record):
     maxiter: int      # Newton steps at most
     nearby: bool      # whether a shape near the start is sought first, without all guards
     spring: float     # N/m, of contacts
-    share: Floats     # (3,) how much each axis of the far end counts in its grip
-    sleeve: bool      # whether the far end slides through its grip
+    node: Ints        # (A,) which nodes are held,
+    first: Ints       # (A + 1,) where the rows of each begin,
+    share: Floats     # (A, 3) how much each axis counts: as of HoldRows
+    slides: Bools     # (A,) whether the node slides along what holds it
     error: float      # m, largest local error
     gain: float       # part of the energy that has moved which may be gained,
     noise: float      # and J in addition
@@ -121,23 +123,23 @@ class StepOptions(Record):
 class StepBuffer(Record):
     """Points in time of a motion, in r rows; the first PAST are past, the next one is now.
 
-    K motions of the far end are held, M bodies may be touched. Units: m, s, N, kg, rad, J.
+    A nodes are held, K motions of them; M bodies may be touched. Units: m, s, N, kg, rad, J.
     """
 
     times: Floats         # (r,)
     bases: Floats         # (r, 3, 3), (r, 3) of the gripper: rotation, position
     origins: Floats
-    targets: Floats       # the same of the grip of the far end
+    targets: Floats       # (r, A, 3), (r, A, 3, 3) of holds: position, rotation
     axes: Floats
-    held: Floats          # (r, K, 6) what that grip holds, as of a GripConstraint
-    reach: Floats         # (r,) by how much it may be missed; below zero where it is out of reach
+    held: Floats          # (r, K, 6) what they hold, as of HoldRows
+    reach: Floats         # (r,) by how much they may be missed; below zero: one is out of reach
     nodes: Floats         # (5, r, N + 1, 3) position, velocity, acceleration, means of the last
                           # and of velocities, as they change momenta
     bends: Floats         # (5, r, N, 3) the same of the strains
     frames: Floats        # (r, N + 1, 3, 3)
-    wrenches: Floats      # (r, 6) of the gripper and of the far end's grip on the DLO
-    end_wrenches: Floats
-    mean_wrenches: Floats # (r, 2, 6) of both, as they change the momentum
+    wrenches: Floats      # (r, 6) of the gripper and (r, A, 6) of holds on the DLO
+    hold_wrenches: Floats
+    mean_wrenches: Floats # (r, 1 + A, 6) of all, as they change the momentum
     proofs: Floats        # (r, 4) residual, stability, local error, violation of constraints
     iterations: Ints      # (r,)
     evaluations: Ints     # (r,) of methods that count them
@@ -147,7 +149,7 @@ class StepBuffer(Record):
     converged: Bools      # (r,)
     impulsive: Ints       # (r,) how many steps more are not by the scheme itself, after an impact
     stirred: Bools        # (r,) whether it bears, or has and steps were not exact since
-    reactions: Floats     # (r, K) forces of the far end's grip
+    reactions: Floats     # (r, K) forces of holds
     plastic: Floats       # (r, N, J) plastic strain
     node_forces: Floats   # (r, M, N + 1)
     starts: Ints          # (2, r + 1) where points and contacts of each row begin in what follows
@@ -435,19 +437,20 @@ def _remembering(system, buffer, row, memory, options):
     begin, end = buffer.starts[0, memory], buffer.starts[0, memory + 1]
     index, points = buffer.point_of[begin:end], buffer.points[begin:end]
     return placed(system, system.base, buffer.origins[row],
-                  _with_grip(system.effects.hold, buffer, row, memory, options), options.spring,
+                  _with_holds(system.effects.hold, buffer, row, memory, options), options.spring,
                   buffer.plastic[memory], buffer.node_forces[memory], index[:, 0], index[:, 1],
                   points[:, 0], points[:, 1], points[:, 2:5], points[:, 5:8], points[:, 8:11])
 
 
 @kernel
-def _with_grip(hold, buffer, row, memory, options):
-    """Return the GripConstraint of the far end in a row; None for None."""
+def _with_holds(hold, buffer, row, memory, options):
+    """Return the HoldRows in a row; None for None."""
     if hold is None:
         return hold
     target = buffer.targets[row] - buffer.origins[row]
-    return GripConstraint(target, buffer.axes[row].copy(), options.share, buffer.held[row].copy(),
-                          buffer.reactions[memory].copy(), hold.stiffness, hold.turn_stiffness)
+    return HoldRows(options.node, options.first, target, buffer.axes[row].copy(), options.share,
+                    buffer.held[row].copy(), buffer.reactions[memory].copy(), hold.stiffness,
+                    hold.turn_stiffness)
 
 
 @kernel
@@ -544,7 +547,7 @@ def _smallest_eigenvalue(problem, state):
 
 @kernel
 def _take_back(hold, buffer, memory):
-    """Give a grip the forces again that it had at the beginning of the step."""
+    """Give holds the forces again that they had at the beginning of the step."""
     if hold is None:
         return
     hold.multiplier[:] = buffer.reactions[memory]
@@ -558,7 +561,7 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
 
     Returns whether it is a stable or neutral equilibrium that keeps all constraints.
     """
-    (strains, buffer.frames[row], positions, buffer.wrenches[row], buffer.end_wrenches[row], hold,
+    (strains, buffer.frames[row], positions, buffer.wrenches[row], buffer.hold_wrenches[row], hold,
      plastic, forces, contacts, _, _, lost, missed, inside, stationary) = outcome(
          problem, state, buffer.origins[row], residual, options.rounding, True)
     copy(positions, buffer.nodes[0, row])
@@ -644,31 +647,38 @@ def _work(how, buffer, row, options):
     It is that of the wrenches which change the momentum in the step, along the way of the grips:
     wrenches at its ends differ from them where vibrations are too quick for the step.
     """
-    work = _work_along(how, buffer.wrenches, buffer.mean_wrenches[:, 0], row,
-                       buffer.bases, buffer.origins, np.zeros(3))
-    if buffer.held.shape[1]:
-        away, last = np.zeros(3), buffer.nodes.shape[2] - 1
-        if options.sleeve:  # the end is not where the sleeve's pose is
+    past, means = row - 1, buffer.mean_wrenches
+    work = _work_along(how, buffer.wrenches[past], buffer.wrenches[row], means[past, 0],
+                       means[row, 0], buffer.bases[past], buffer.bases[row], buffer.origins[past],
+                       buffer.origins[row], np.zeros(3))
+    for a in range(options.node.size):
+        away, node = np.zeros(3), options.node[a]
+        if options.slides[a]:  # the node is not where the pose is
             for i in range(3):
-                for k in range(row - 1, row + 1):
-                    away[i] += 0.5 * (buffer.nodes[0, k, last, i] - buffer.targets[k, i])
-        work += _work_along(how, buffer.end_wrenches, buffer.mean_wrenches[:, 1], row,
-                            buffer.axes, buffer.targets, away)
+                for k in range(past, row + 1):
+                    away[i] += 0.5 * (buffer.nodes[0, k, node, i] - buffer.targets[k, a, i])
+        work += _work_along(how, buffer.hold_wrenches[past, a], buffer.hold_wrenches[row, a],
+                            means[past, 1 + a], means[row, 1 + a], buffer.axes[past, a],
+                            buffer.axes[row, a], buffer.targets[past, a], buffer.targets[row, a],
+                            away)
     return work
 
 
 @kernel
-def _work_along(how, wrenches, means, row, bases, places, away):
-    """Return the work in the step to a row of wrenches on points `away` (3,) from moving frames."""
-    work, turn = 0.0, rotation_vector(times_transposed(matrix(bases[row]), matrix(bases[row - 1])))
+def _work_along(how, before, now, mean_before, mean, base_before, base, place_before, place, away):
+    """Return the work in a step of a wrench on a point `away` (3,) from a moving frame.
+
+    Fills its `mean` (6,) after the step; wrenches, frames and their places before it and now.
+    """
+    work, turn = 0.0, rotation_vector(times_transposed(matrix(base), matrix(base_before)))
     for i in range(6):
-        means[row, i] = _mean(how, wrenches[row - 1, i], wrenches[row, i], means[row - 1, i])
+        mean[i] = _mean(how, before[i], now[i], mean_before[i])
         if i < 3:
             j, k = (i + 1) % 3, (i + 2) % 3
-            way = places[row, i] - places[row - 1, i] + turn[j] * away[k] - turn[k] * away[j]
+            way = place[i] - place_before[i] + turn[j] * away[k] - turn[k] * away[j]
         else:
             way = turn[i - 3]
-        work += ((1 - how.gamma) * means[row - 1, i] + how.gamma * means[row, i]) * way
+        work += ((1 - how.gamma) * mean_before[i] + how.gamma * mean[i]) * way
     return work
 
 
@@ -831,8 +841,11 @@ def consistent_rates(system: Problem, calm: SchemeCoefficients, how: SchemeCoeff
                     course[1, now, k, i] = course[1, ahead, k, i] - how.dt * course[2, last, k, i]
                 course[4, now, k, i] = course[1, now, k, i]
     buffer.wrenches[now] = buffer.mean_wrenches[now, 0] = buffer.wrenches[last]
-    buffer.end_wrenches[now] = buffer.mean_wrenches[now, 1] = buffer.end_wrenches[last]
-    if going and not buffer.held.shape[1]:  # of two grips neither's own impulse is known
+    for a in range(options.node.size):
+        for i in range(6):
+            wrench = buffer.hold_wrenches[last, a, i]
+            buffer.hold_wrenches[now, a, i] = buffer.mean_wrenches[now, 1 + a, i] = wrench
+    if going and not buffer.held.shape[1]:  # of several grips none's own impulse is known
         buffer.energies[now, WORK] += _work_of_impulse(how, buffer, now, ahead, back, before)
     buffer.energies[now, KINETIC] = _kinetic(how, buffer.nodes, now)
 

@@ -10,7 +10,7 @@ second derivative of the kinetic energy by the velocities, with the masses on th
   for torsion, curvature about n, about b. They are scaled so that the elastic energy is half the
   sum of their squares (exactly so where the stiffness does not vary along the DLO).
 * Three more with a pinned gripper: the rotation of the beginning.
-* With a held far end, coefficients of an orthonormal basis of the changes that its grip allows.
+* With other holds, coefficients of an orthonormal basis of the changes that they allow.
 
 Torsion of a straight DLO moves no mass, so M is singular. The eigenvalue problem is therefore
 M x = mu K x with mu = 1 / omega^2; K is positive definite at a stable shape.
@@ -29,6 +29,7 @@ import scipy
 from dlo_planner.blas import one_thread
 from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.direct.search import KEPT, Search, evaluated, hinge_unknowns, minimum, with_hinge
+from dlo_planner.energy.contact import obstructed
 from dlo_planner.energy.elastic import purely_elastic
 from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.loads import node_masses
@@ -42,8 +43,8 @@ from dlo_planner.minimize.newton import HELD_NEUTRAL
 from dlo_planner.minimize.response import gripper_answers, node_twists
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import estimate, results
+from dlo_planner.model.holds import Holds
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, brief, freeze, put
 
 _AT_REST = 1e-4   # residual above which a shape is not at rest; rounding errors are below it
@@ -73,7 +74,7 @@ class Linearized:
     name: str             # in messages
     mesh: Discretization
     gripper: Pose
-    far_end: FarEnd | None
+    holds: Holds
     strains: Floats       # (N, 3) 1/m
     residual: float
     before: Memory        # what the step began with that led there,
@@ -115,12 +116,13 @@ class Linearized:
         return _vibration(mesh, found.system, found.state.q)
 
     def _system(self, mesh: Discretization, past: Memory) -> Problem:
-        return mesh.system(self.gripper.rotation, self.gripper.position, past, self.far_end)
+        return mesh.system(self.gripper.rotation, self.gripper.position, past, self.holds)
 
 
 def linearize(system: Problem, q: Floats) -> tuple[Problem, Configuration, Floats, Hessian]:
     """Return a Problem at its equilibrium q (m, 3), contacts stiff, and its `gripper_answers`."""
-    system = stiffen_penalty(system, evaluated(system, q))
+    if obstructed(system.contact):
+        system = stiffen_penalty(system, evaluated(system, q))
     return system, *gripper_answers(system, q)
 
 

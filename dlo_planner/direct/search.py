@@ -16,6 +16,7 @@ import scipy
 from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.energy.contact import without_hinge as without_hinge_of_contact
 from dlo_planner.energy.elastic import with_couples
+from dlo_planner.energy.grip import without_hinge as without_hinge_of_holds
 from dlo_planner.energy.potential import configuration_at, evaluate
 from dlo_planner.energy.problem import Configuration, Problem, bending_energy, new_configuration
 from dlo_planner.energy.terms import hinged
@@ -120,7 +121,7 @@ def with_hinge(system: Problem) -> Problem:
 
 def without_hinge(system: Problem, settled: Problem, rotation: Floats) -> Problem:
     """Return `system` at a rotation (3, 3), with the forces that were found with the hinge."""
-    return system._replace(base=rotation, hold=settled.hold,
+    return system._replace(base=rotation, hold=without_hinge_of_holds(settled.hold),
                            contact=without_hinge_of_contact(settled.contact))
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How a shape answers to its gripper: see `minimize.response`."""
+"""How a shape answers to its gripper and to what else holds it: see `minimize.response`."""
 
 from dataclasses import replace
 from functools import cached_property
@@ -15,6 +15,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import forward_kinematics
 from dlo_planner.minimize.response import (
     add_slip,
+    hold_answers,
     node_twists,
     strain_answers,
     twists_inside,
@@ -24,7 +25,9 @@ from dlo_planner.model.pose import displaced
 
 
 class Sensitivity:
-    """Derivatives of a Shape by the pose of its gripper (the far end's grip stays).
+    """Derivatives of a Shape by the pose of its gripper, and of each of its A holds.
+
+    All other grips rest.
 
     Parameters
     ----------
@@ -47,12 +50,14 @@ class Sensitivity:
         self.shape = shape
         here, gripper = shape.state.mesh, shape.gripper
         # the past before the step: what yields in it, yields along with the gripper
-        system = here.system(gripper.rotation, gripper.position, shape.state.held, shape.far_end,
+        system = here.system(gripper.rotation, gripper.position, shape.state.held, shape.holds,
                              culled=shape.state.culled)
         self._system, self._state, self._answers, self._hessian = linearize(
             system, here.unknowns(shape.element_strains))
-        if any(np.any(contact.friction) for contact in shape.contacts):
-            add_slip(self._system, self._state, self._hessian, self._answers)
+        self._columns = int(self._hessian.cross.shape[2])
+        self._slides = any(np.any(contact.friction) for contact in shape.contacts)
+        if self._slides:
+            add_slip(self._system, self._state, self._hessian, self._answers, True)
 
     def at(self, s: float) -> Floats:
         """Return (6, 6): rotation and displacement of the frame at `s` (m) by those of the gripper.
@@ -60,26 +65,61 @@ class Sensitivity:
         World axes; the gripper turns about its own origin. The DLO gives way as it does in
         equilibrium.
         """
-        shape = self.shape
-        element = min(int(shape.s.searchsorted(s, side='right')) - 1, shape.s.size - 2)
-        fraction = (s - shape.s[element]) / (shape.s[element + 1] - shape.s[element])
+        element, fraction = self._place(s)
         return twists_inside(
-            self._system, self._state, self._answers, self._hessian.cross.shape[2],
-            self._nodes[element], element, float(fraction))
+            self._system, self._state, self._answers, self._columns,
+            self._nodes[element], element, fraction)
+
+    def by_grips(self, s: float) -> Floats:
+        """Return (6, 6 + 6 A): as `at`, by the twist of the gripper, then by that of each hold.
+
+        Each of them turns about the origin of its own pose.
+        """
+        element, fraction = self._place(s)
+        return np.hstack([self.at(s), *(
+            twists_inside(self._system, self._state, answers, 6, nodes[element], element, fraction)
+            for answers, nodes in self._of_holds)])
+
+    def _place(self, s: float) -> tuple[int, float]:
+        """Return the element that `s` (m) is in, and the part of it before."""
+        nodes = self.shape.s
+        element = min(int(nodes.searchsorted(s, side='right')) - 1, nodes.size - 2)
+        return element, float((s - nodes[element]) / (nodes[element + 1] - nodes[element]))
+
+    @cached_property
+    def _of_holds(self) -> list[tuple[Floats, Floats]]:
+        """Of each hold the answers (6, m, 3) of the unknowns, and twists (N + 1, 6, 6) of nodes."""
+        if not self.shape.holds:
+            return []
+        answers = hold_answers(self._system, self._state, self._hessian)
+        if self._slides:
+            add_slip(self._system, self._state, self._hessian, answers, False)
+        return [(one, node_twists(self._system, self._state, one, -6))
+                for one in answers.reshape(-1, 6, *answers.shape[1:])]
 
     @cached_property
     def _nodes(self) -> Floats:
         """(N + 1, 6, 6) the same at all nodes: of one shape, several places are asked for."""
-        return node_twists(self._system, self._state, self._answers,
-                           self._hessian.cross.shape[2])
+        return node_twists(self._system, self._state, self._answers, self._columns)
 
     @property
     def strains(self) -> Floats:
         """(N, 3, 6) derivatives of the elements' strains by the gripper's twist."""
-        values = np.moveaxis(self._answers, 0, 2)
+        return self._strains(self._answers)
+
+    @property
+    def strains_by_holds(self) -> Floats:
+        """(N, 3, 6 A) the same by the twist of each hold."""
+        parts = [self._strains(answers) for answers, _ in self._of_holds]
+        return np.concatenate([np.zeros((self.shape.s.size - 1, 3, 0)), *parts], axis=2)
+
+    def _strains(self, answers: Floats) -> Floats:
+        """Return (N, 3, k) the change of the elements' strains with answers (k, m, 3)."""
+        values = np.moveaxis(answers, 0, 2)
         if self._system.basis.shape[1]:
             values = np.einsum('iem,mik->eik', self._system.basis, values)
-        return self._system.scale[:, :, None] * values
+        result: Floats = self._system.scale[:, :, None] * values
+        return result
 
     def strains_by(self, slopes: Floats) -> Floats:
         """Return (k, N, 3) the changes of the strains under k changes of the potential.

@@ -33,11 +33,21 @@ from dlo_planner.model.checks import (
     shown,
     vector,
 )
+from dlo_planner.model.holds import (
+    FarEnd,
+    Hold,
+    Holds,
+    holds_of,
+    place_of,
+    spans_of,
+    tip_of,
+    unreached,
+)
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, shifted
 from dlo_planner.model.rod import BACK, Rod, Surface
 from dlo_planner.model.section import Section
-from dlo_planner.model.supports import FarEnd, Surroundings, distance, spans
+from dlo_planner.model.supports import Surroundings
 from dlo_planner.model.value import Constant, Value, brief, freeze, owned, put
 from dlo_planner.pictured import Pictured
 
@@ -169,8 +179,9 @@ class State(Value):
 UNKNOWN = State()
 
 
-NO_WRENCH = np.zeros(6)  # of a free end
-freeze(NO_WRENCH)
+NO_WRENCH = np.zeros(6)  # of what is not held
+NO_WRENCHES = np.zeros((0, 6))
+freeze((NO_WRENCH, NO_WRENCHES))
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -218,12 +229,12 @@ class Shape(Pictured):
     contacts : tuple
         The Contacts, in the order of s.
     violation : float
-        By how much a constraint (contact, far end) is violated, m; how deep the gripper itself, a
+        By how much a constraint (contact, hold) is violated, m; how deep the gripper itself, a
         point, is in an obstacle is part of it.
-    far_end : FarEnd or None
-        What holds the far end; None if it is free.
-    far_wrench : ndarray, shape (6,)
-        As `gripper_wrench`, at the far end, moment about it.
+    holds : tuple
+        The A Holds beside the gripper, in the order of their places; one of the tip is the last.
+    wrenches : ndarray, shape (A, 6)
+        As `gripper_wrench`, what each of them exerts on the DLO, moment about its place.
     dissipated : float
         Energy lost to plastic deformation so far, J.
     parts : tuple or None
@@ -254,8 +265,8 @@ class Shape(Pictured):
     contacts: tuple[Contact, ...] = ()
     evaluations: int = 0
     violation: float = 0.0
-    far_end: FarEnd | None = None
-    far_wrench: Floats = field(default_factory=lambda: NO_WRENCH)
+    holds: Holds = ()
+    wrenches: Floats = field(default_factory=lambda: NO_WRENCHES)
     dissipated: float = 0.0
     parts: tuple[Shape, ...] | None = None
     state: State = field(default=UNKNOWN, metadata={'opaque': True})
@@ -267,23 +278,38 @@ class Shape(Pictured):
                  element_strains: Floats, energy: float, elastic_energy: float,
                  gripper_wrench: Floats, residual: float, stability: float, iterations: int,
                  converged: bool, jumped: bool = False, contacts: tuple[Contact, ...] = (),
-                 evaluations: int = 0, violation: float = 0.0, far_end: FarEnd | None = None,
-                 far_wrench: Floats = NO_WRENCH, dissipated: float = 0.0,
+                 evaluations: int = 0, violation: float = 0.0, far_end: Hold | None = None,
+                 far_wrench: Floats | None = None, dissipated: float = 0.0,
                  parts: tuple[Shape, ...] | None = None, state: State = UNKNOWN,
-                 passed_itself: bool | float = False) -> None:
+                 passed_itself: bool | float = False, holds: Holds = (),
+                 wrenches: Floats = NO_WRENCHES) -> None:
         # written out: what a dataclass writes sets field by field, which takes as long as a step
         put(self, gripper=gripper, s=s, positions=positions, frames=frames,
             element_strains=element_strains, energy=energy, elastic_energy=elastic_energy,
             gripper_wrench=gripper_wrench, residual=residual, stability=stability,
             iterations=iterations, converged=converged, jumped=jumped, contacts=contacts,
-            evaluations=evaluations, violation=violation, far_end=far_end, far_wrench=far_wrench,
+            evaluations=evaluations, violation=violation, holds=holds, wrenches=wrenches,
             dissipated=dissipated, parts=parts, state=state, passed_itself=passed_itself)
+        if far_end is not None or far_wrench is not None:
+            self._hold_far_end(far_end, far_wrench)
         if getattr(state, 'mesh', None) is None:  # else a simulator made it
             self._judge()
         for name in _ARRAYS:
             array = self.__dict__[name]
             if array.flags.writeable or isinstance(array.base, np.ndarray):  # not its own
                 put(self, **{name: owned(array)})
+
+    def _hold_far_end(self, far_end: Hold | None, wrench: Floats | None) -> None:
+        """Let `far_end` hold the tip, with a wrench (6,), instead of what does."""
+        items('Shape.holds', self.holds, Hold)
+        end = self.far_end if far_end is None else instance('Shape.far_end', far_end, Hold)
+        if end is None:
+            raise InvalidTask(f'Shape.far_wrench = {shown(wrench)}: expected none where nothing '
+                              'holds the far end')
+        wrench = array('Shape.far_wrench', self.far_wrench if wrench is None else wrench, (6,))
+        inside = len(self.holds) - (self.far_end is not None)
+        put(self, holds=(*self.holds[:inside], end),
+            wrenches=np.vstack([self.wrenches[:inside], wrench]))
 
     def _judge(self) -> None:
         """Check what comes from elsewhere."""
@@ -295,16 +321,16 @@ class Shape(Pictured):
         put(self, s=s, contacts=items('Shape.contacts', self.contacts, Contact),
             **{name: array(f'Shape.{name}', getattr(self, name), (s.size, *size))
                for name, size in (('positions', (3,)), ('frames', (3, 3)))},
+            holds=holds_of(None, self.holds, float(s[-1]), 'Shape.holds'),
             **{name: array(f'Shape.{name}', getattr(self, name), size) for name, size in (
-                ('element_strains', (s.size - 1, 3)), ('gripper_wrench', (6,)),
-                ('far_wrench', (6,)))},
+                ('element_strains', (s.size - 1, 3)), ('gripper_wrench', (6,)))},
+            wrenches=results('Shape.wrenches', self.wrenches, (len(self.holds), 6)),
             **{name: figure(f'Shape.{name}', getattr(self, name)) for name in (
                 'energy', 'elastic_energy', 'residual', 'stability', 'violation', 'dissipated')},
             **{name: integer(f'Shape.{name}', getattr(self, name), minimum=0, maximum=10**12)
                for name in ('iterations', 'evaluations')},
             **{name: flag(f'Shape.{name}', getattr(self, name))
                for name in ('converged', 'jumped')})
-        instance('Shape.far_end', self.far_end, FarEnd, optional=True)
         if not (isinstance(self.passed_itself, float) and np.isnan(self.passed_itself)):
             put(self, passed_itself=flag('Shape.passed_itself', self.passed_itself))
         instance('Shape.state', self.state, State)
@@ -313,7 +339,7 @@ class Shape(Pictured):
 
     def __repr__(self) -> str:
         mesh = self.state.mesh
-        cheap = not (self.contacts or self.far_end or mesh is None or mesh.yields)
+        cheap = not (self.contacts or self.holds or mesh is None or mesh.yields)
         return brief(self, f'{self.s[-1]:.4g} m', f'{len(self.element_strains)} elements',
                      'converged' if self.converged else 'not converged',
                      'jumped' if self.jumped else '', f'residual {self.residual:.1g}',
@@ -341,9 +367,9 @@ class Shape(Pictured):
         With 'jumped', 'passed through itself' ('may have passed through itself' where that is
         not known), 'lies in itself' and 'plastic hinge' where it did, does and has one.
         """
-        if self.far_end is not None and not self._within_reach:
-            return (f'out of reach: the far end is held {distance(self.far_end, self.gripper):.9g} '
-                    f'm from the gripper, the DLO is {self.s[-1]:.9g} m long')
+        if self.holds and not self._within_reach:
+            return 'out of reach: ' + unreached(self.holds, self.gripper, float(self.s[-1]),
+                                                self._loaded)
         figures = (f'residual {self.residual:.2g}, stability {self.stability:.2g}, '
                    f'violation {self.violation:.2g} m')
         if self.converged:
@@ -393,10 +419,10 @@ class Shape(Pictured):
             name = known[deepest.obstacle].name if known else ''
             return (f'at s = {deepest.s:.4g} m the DLO is {deepest.penetration:.2g} m inside '
                     f'{name or f"obstacle {deepest.obstacle}"} and does not come out')
-        if self.far_end is None or self.state.mesh is None:
+        if not self.holds or self.state.mesh is None:
             return ''
         from dlo_planner.direct.taut import coarseness  # noqa: PLC0415  (SciPy: a free DLO needs none)
-        return coarseness(self.state.mesh, self.gripper, self.far_end)
+        return coarseness(self.state.mesh, self.gripper, self.holds)
 
     @property
     def hinge(self) -> float | None:
@@ -429,9 +455,12 @@ class Shape(Pictured):
 
     @property
     def _within_reach(self) -> bool:
-        loaded = self.state.mesh is None or self.state.mesh.loaded
-        return self.far_end is None or bool(
-            spans(distance(self.far_end, self.gripper), float(self.s[-1]), loaded))
+        return all(span.reaches(self._loaded)
+                   for span in spans_of(self.holds, self.gripper, float(self.s[-1])))
+
+    @property
+    def _loaded(self) -> bool:
+        return self.state.mesh is None or self.state.mesh.loaded
 
     @cached_property
     def error_estimate(self) -> float:
@@ -482,9 +511,10 @@ class Shape(Pictured):
         Raises
         ------
         InvalidTask
-            The shape touches something, its far end is held, or a load depends on where it is.
+            The shape touches something, is held beside its gripper, or a load depends on where it
+            is.
         """
-        if self.contacts or self.far_end is not None:
+        if self.contacts or self.holds:
             raise InvalidTask('shape: expected one that touches nothing and whose far end is free: '
                               'what holds it is not moved')
         return carried(self, vector('displacement', displacement, 3))
@@ -551,6 +581,17 @@ class Shape(Pictured):
                 self.positions.copy())
 
     # ---- its DLO ---------------------------------------------------------------------------------
+
+    @property
+    def far_end(self) -> FarEnd | None:
+        """What holds the tip; None if it is free."""
+        return tip_of(self.holds)
+
+    @property
+    def far_wrench(self) -> Floats:
+        """(6,) as `gripper_wrench`, at the tip, moment about it; zeros if it is free."""
+        wrench: Floats = NO_WRENCH if self.far_end is None else self.wrenches[-1]
+        return wrench
 
     @property
     def rod(self) -> Rod | None:
@@ -874,11 +915,12 @@ def _linearized(shape: Shape, name: str = 'shape') -> Linearized:
     if any(shape.obstacles[contact.obstacle].friction for contact in shape.contacts):
         raise InvalidTask(f'{name}: expected one that touches nothing with friction, whose law is '
                           'not linear however small the vibrations are')
-    return Linearized(name, mesh, shape.gripper, shape.far_end, shape.element_strains,
+    return Linearized(name, mesh, shape.gripper, shape.holds, shape.element_strains,
                       shape.residual, state.before, state.held)
 
 
-_ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
+_FILED = 's', 'positions', 'frames', 'element_strains', 'gripper_wrench'
+_ARRAYS = *_FILED, 'wrenches'
 _PAST = 'past_'
 _PARTS = 'back', 'front'  # of a DLO grasped inside
 _NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', 'converged',
@@ -887,12 +929,16 @@ _NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', '
 
 def pack(shape: Shape) -> dict[str, Any]:
     """Return a tree (see `direct.storage`) of all of a Shape but the rod and its surroundings."""
-    packed = {name: getattr(shape, name) for name in _ARRAYS + _NUMBERS}
+    packed = {name: getattr(shape, name) for name in _FILED + _NUMBERS}
     packed['gripper'] = pose_row(shape.gripper)
     packed['passed_itself'] = float(shape.passed_itself)
     packed['error_estimate'] = shape.error_estimate
-    if shape.far_end is not None:
-        packed |= {'far_end': pose_row(shape.far_end.pose), 'far_grip': shape.far_end.grip}
+    if shape.holds:
+        packed |= {'holds': np.array([[*pose_row(hold.pose), place_of(hold, float(shape.s[-1]))]
+                                      for hold in shape.holds]),
+                   'hold_grips': np.array([hold.grip for hold in shape.holds]),
+                   'held_by': np.array([hold.by for hold in shape.holds]),
+                   'wrenches': shape.wrenches}
     packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
     if shape.parts is not None:
@@ -904,19 +950,39 @@ def pack(shape: Shape) -> dict[str, Any]:
 
 def unpack(stored: Mapping[str, Any]) -> Shape:
     """Return the Shape of the tree of `pack`."""
-    far_end = FarEnd(pose_of_row(stored['far_end']), str(stored['far_grip'])) if (
-        'far_end' in stored) else None
     contacts = tuple(Contact(int(row[0]), row[1], row[2:5], row[5:8], row[8], row[9:12], row[12])
                      for row in stored['contacts'])
     past = {name.removeprefix(_PAST): array for name, array in stored.items()
             if name.startswith(_PAST)}
     history = Memory.unpacked(past, float(stored['s'][-1])) if past else None
-    values = {name: stored[name] for name in _ARRAYS}
+    values = {name: stored[name] for name in _FILED}
     values |= {name: stored[name].item() for name in _NUMBERS}
     passed = float(stored.get('passed_itself', np.nan))  # 1, 0, or nan
     parts = tuple(unpack(stored[name]) for name in _PARTS) if _PARTS[0] in stored else None
-    return Shape(gripper=pose_of_row(stored['gripper']), contacts=contacts, far_end=far_end,
-                 parts=parts,
+    holds, wrenches = _unpacked_holds(stored)
+    return Shape(gripper=pose_of_row(stored['gripper']), contacts=contacts, holds=holds,
+                 wrenches=wrenches, parts=parts,
                  passed_itself=bool(passed) if passed in (0.0, 1.0) else np.nan,
                  state=State(history=history, estimate=Constant(float(stored['error_estimate']))),
                  **values)
+
+
+def _unpacked_holds(stored: Mapping[str, Any]) -> tuple[Holds, Floats]:
+    """Return Holds and their wrenches (A, 6) of the tree of `pack`."""
+    if 'far_wrench' in stored:  # files of before there were holds anywhere but at the tip
+        if 'far_end' not in stored:
+            return (), NO_WRENCHES
+        end = FarEnd(pose_of_row(stored['far_end']), str(stored['far_grip']))
+        return (end,), np.atleast_2d(stored['far_wrench'])
+    if 'holds' not in stored:
+        return (), NO_WRENCHES
+    length = float(stored['s'][-1])
+    holds: list[Hold] = []
+    for at, grip, by in zip(stored['holds'], stored['hold_grips'], stored['held_by'], strict=True):
+        pose = pose_of_row(at[:7])
+        if at[7] < length:
+            holds.append(Hold(pose, str(grip), float(at[7]), by=str(by)))
+        else:
+            tip = Hold(pose, str(grip), by=str(by))
+            holds.append(FarEnd(pose, tip.grip) if tip.by == FarEnd.by else tip)
+    return tuple(holds), stored['wrenches']

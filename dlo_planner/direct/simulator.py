@@ -20,7 +20,7 @@ from dlo_planner.direct.accuracy import (
     judged,
     mesh_to_begin_with,
 )
-from dlo_planner.direct.boundary_motion import ends_of, moving_grips, poses
+from dlo_planner.direct.boundary_motion import held_by, moving_grips, poses
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.discretization import Discretization, Memory, even_mesh
 from dlo_planner.direct.dynamics import (
@@ -45,15 +45,16 @@ from dlo_planner.geometry.basis import BASES, converging
 from dlo_planner.minimize.classic import METHODS
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, integer, items, number, shown
+from dlo_planner.model.holds import Hold, Holds, holds_of, named, places_of
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.supports import STANDARD_GRAVITY, AnyLoad, FarEnd, Surroundings
+from dlo_planner.model.supports import STANDARD_GRAVITY, AnyLoad, Surroundings
 from dlo_planner.model.value import Value, brief, figures, put, same
 from dlo_planner.model.varying import stepwise
 from dlo_planner.progress import INTERRUPT, OnProgress, Progress, interrupted_by
 
-_FARTHEST = 10  # of the length: from where a held far end may be brought
+_FARTHEST = 10  # of the length: from where what is held may be brought
 
 
 class DirectSimulator(Value):
@@ -328,7 +329,7 @@ class DirectSimulator(Value):
             _discretization=self._discretization.within(surroundings))
 
     def solve(self, gripper: Pose, initial: Shape | None = None, *,
-              far_end: FarEnd | Pose | ArrayLike | None = None,
+              far_end: Hold | Pose | ArrayLike | None = None, holds: Iterable[Hold] = (),
               deadline: float | None = None) -> Shape:
         """Return the stable Shape that the DLO falls into.
 
@@ -343,7 +344,10 @@ class DirectSimulator(Value):
             shape, set down at the pose, wherever obstacles are.
         far_end : FarEnd or Pose or array_like, optional
             Pose that clamps the far end, position (3,) that pins it, or FarEnd. If None, the far
-            end is free.
+            end is free, but for one of `holds`.
+        holds : Iterable, optional
+            Holds of any places, in any order. The DLO is brought into all of them together, from
+            the shape before or the stress-free one. Where one is inside, the elements are 'local'.
         deadline : float, optional
             Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
 
@@ -354,19 +358,21 @@ class DirectSimulator(Value):
         """
         if deadline is not None:
             with interrupted_by(Progress(deadline=deadline).check):
-                return self.solve(gripper, initial, far_end=far_end)
-        far_end = FarEnd.of(far_end)
-        self._check(gripper, initial, far_end)
+                return self.solve(gripper, initial, far_end=far_end, holds=holds)
+        held: Holds = ()
+        if far_end is not None or not isinstance(holds, tuple) or holds:
+            held = holds_of(far_end, holds, self.surroundings.rod.length)
+        self._check(gripper, initial, held)
         try:
             if initial is None or not (made_by(self, initial) or initial.state.kept):
-                return self._equilibrium(gripper, initial, far_end)
-            return self._followed(initial, gripper, far_end, at_once=True)
+                return self._equilibrium(gripper, initial, held)
+            return self._followed(initial, gripper, held, at_once=True)
         except SystemError as error:  # a signal that had to wait for the end of a kernel
             raise _signal(error) from None
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
               initial: Shape | None = None, *, far_ends: Iterable[Any] | None = None,
-              deadline: float | None = None) -> list[Shape]:
+              holds: Iterable[Any] = (), deadline: float | None = None) -> list[Shape]:
         """Return the shapes along a slow motion, each the continuation of the one before.
 
         Between poses the motion is taken as straight (position linear, rotation about one axis).
@@ -384,6 +390,8 @@ class DirectSimulator(Value):
             Shape before the first pose. If None, the natural shape.
         far_ends : Iterable, optional
             One per gripper pose, as in `solve`. If None, the far end is free.
+        holds : Iterable, optional
+            Holds, which rest; or, one per gripper pose, those that hold there.
         deadline : float, optional
             Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
 
@@ -394,16 +402,16 @@ class DirectSimulator(Value):
         """
         grippers = poses(grippers)
         steps = Progress(progress, deadline)
-        ends = ends_of(far_ends, len(grippers))
+        held = held_by(far_ends, holds, len(grippers), self.rod.length)
         shapes = []
         with interrupted_by(steps.check):
-            for gripper, end in zip(grippers, ends, strict=True):
-                self._check(gripper, initial, end)
+            for gripper, there in zip(grippers, held, strict=True):
+                self._check(gripper, initial, there)
                 before = self._settled(initial)
                 if before is None:
-                    shape = self._equilibrium(gripper, initial, end)
+                    shape = self._equilibrium(gripper, initial, there)
                 else:
-                    shape = self._followed(before, gripper, end)
+                    shape = self._followed(before, gripper, there)
                 shapes.append(shape)
                 if shape.converged or shape.nearly:  # a failure is reported, not carried on
                     initial = shape
@@ -412,9 +420,9 @@ class DirectSimulator(Value):
 
     def simulate(self, grippers: Iterable[Pose], dt: float,
                  initial: Shape | Motion | None = None, *, far_ends: Iterable[Any] | None = None,
-                 velocity: Velocity | None = None, tolerance: float | None = None,
-                 integrator: str = 'generalized_alpha', progress: OnProgress = None,
-                 deadline: float | None = None) -> Motion:
+                 holds: Iterable[Any] = (), velocity: Velocity | None = None,
+                 tolerance: float | None = None, integrator: str = 'generalized_alpha',
+                 progress: OnProgress = None, deadline: float | None = None) -> Motion:
         """Return the Motion of the DLO under moving grips, with inertia and damping.
 
         Between the instants the grips move along cubic splines with continuous accelerations
@@ -435,6 +443,8 @@ class DirectSimulator(Value):
             Motion, whose last shape and velocities are continued. If None, the static shape.
         far_ends : Iterable, optional
             One per gripper pose, as in `solve`, all of the same grip. If None, it is free.
+        holds : Iterable, optional
+            As in `track`, the same places and grips from the beginning to the end.
         velocity : array_like or callable, optional
             At time 0, m/s, world axes: (N + 1, 3) of the nodes of `initial`, or a callable of s (m)
             that returns (3,); the nearest velocities that grips and length allow are taken. If
@@ -456,7 +466,7 @@ class DirectSimulator(Value):
             An argument makes no sense; the message names it.
         """
         return motion_by(Stepper, self, grippers, dt, Progress(progress, deadline), initial,
-                         far_ends, velocity, tolerance, integrator)
+                         far_ends, velocity, tolerance, integrator, holds)
 
     def discretization(self, gripper: Pose, shape: Shape | None) -> Discretization:
         """Return the Discretization that this simulator uses at a gripper's pose.
@@ -470,27 +480,26 @@ class DirectSimulator(Value):
         """
         self._check(gripper, shape)
         if self.accuracy is None:
-            return self._discretization
+            return self._discretization.with_nodes(() if shape is None else places_of(shape.holds))
         if (shape is not None and made_by(self, shape)
                 and shape.state.made_on.basis in (self.basis, self._fine)
                 and fine_enough(shape, self.accuracy)):
             return shape.state.made_on
-        return self._equilibrium(gripper, shape, None).state.made_on
+        return self._equilibrium(gripper, shape, ()).state.made_on
 
     def mesh_after(self, shape: Shape | None) -> Discretization:
         """Return the Discretization on which what follows a Shape, or None, is sought first."""
         return mesh_to_begin_with(self._discretization, self._fine, self.accuracy,
                                   instance('shape', shape, Shape, optional=True), self._history)
 
-    def _equilibrium(self, gripper: Pose, initial: Shape | None,
-                     far_end: FarEnd | None) -> Shape:
+    def _equilibrium(self, gripper: Pose, initial: Shape | None, holds: Holds) -> Shape:
         """Return the Shape of a step as it is."""
-        return self._judged(self._step(gripper, initial, far_end))
+        return self._judged(self._step(gripper, initial, holds))
 
-    def _followed(self, previous: Shape, gripper: Pose, far_end: FarEnd | None,
+    def _followed(self, previous: Shape, gripper: Pose, holds: Holds,
                   at_once: bool = False) -> Shape:
         """Return what `continuation.follow` does."""
-        return self._judged(follow(self._step, previous, gripper, far_end, at_once))
+        return self._judged(follow(self._step, previous, gripper, holds, at_once))
 
     def _judged(self, shape: Shape) -> Shape:
         """Return a Shape that is `converged` only within the accuracy that was asked for."""
@@ -498,15 +507,18 @@ class DirectSimulator(Value):
             return shape
         return judged(shape, self.accuracy)
 
-    def _step(self, gripper: Pose, initial: Shape | None, far_end: FarEnd | None,
+    def _step(self, gripper: Pose, initial: Shape | None, holds: Holds,
               most: float = np.inf) -> Shape:
         """Return the Shape of a step; `most` as in `step.StepInputs`."""
         check = INTERRUPT.get()
         if check is not None:  # a pose that is far, or a fall, takes many steps
             check()
-        how = StepInputs(self._history, far_end, self.method, self.strains, most)
+        how = StepInputs(self._history, holds, self.method, self.strains, most)
         if self.accuracy is None:
-            return step(self._discretization, gripper, initial, how)
+            mesh = self._discretization
+            if holds and holds[0].s is not None:  # (the tip's is the last)
+                mesh = mesh.with_nodes(places_of(holds))
+            return step(mesh, gripper, initial, how)
         return accurate_equilibrium(self._discretization, self._fine, self.accuracy, gripper,
                                     initial, how)
 
@@ -514,21 +526,22 @@ class DirectSimulator(Value):
         """Return what a Shape or None, made anywhere, becomes here in its grippers; or None."""
         if shape is None or made_by(self, shape):
             return shape
-        self._check(shape.gripper, shape, shape.far_end)
-        found = self._equilibrium(shape.gripper, shape, shape.far_end)
+        self._check(shape.gripper, shape, shape.holds)
+        found = self._equilibrium(shape.gripper, shape, shape.holds)
         return found if found.converged else None
 
     def _check(self, gripper: Pose, initial: Shape | None,
-               far_end: FarEnd | None = None) -> None:
+               holds: Holds = ()) -> None:
         instance('gripper', gripper, Pose)
         instance('initial', initial, Shape, optional=True)
         if initial is not None and initial.parts is not None:
             raise InvalidTask(f'initial = {initial!r}: expected one of a DLO that is held at its '
                               'beginning, not grasped inside')
-        if far_end is not None and self.method != 'newton':
+        if holds and self.method != 'newton':
             raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')
-        if far_end is not None:  # its grip, and the gripper, go there step by step
-            self._near(gripper, 'far_end', far_end.pose)
+        if holds:  # they, and the gripper, go there step by step
+            for hold in holds:
+                self._near(gripper, 'far_end' if hold.s is None else named(hold), hold.pose)
             if initial is not None:
                 self._near(gripper, 'initial', initial.gripper)
         if initial is not None and abs(initial.s[-1] - self.rod.length) > 1e-9 * self.rod.length:
@@ -542,20 +555,20 @@ class DirectSimulator(Value):
             raise InvalidTask(f'{name} = {pose!r}: expected within {farthest:g} m of the gripper, '
                               f'is {away:.3g} m off')
 
-    def _beginning(self, gripper: Pose, far_end: FarEnd | None,
+    def _beginning(self, gripper: Pose, holds: Holds,
                    initial: Shape | None) -> tuple[Shape, Discretization]:
         """Return the Shape at time 0 of a motion and the Discretization for the rest of it."""
-        mesh = self._discretization
+        mesh = self._discretization.with_nodes(places_of(holds))
         known = initial
         if self.accuracy is not None:
-            known = self._equilibrium(gripper, initial, far_end)
+            known = self._equilibrium(gripper, initial, holds)
             if known.state.mesh is not mesh or mesh.s.size <= _ENOUGH:
                 mesh = moving_mesh(known.state.made_on)
         if initial is not None:
-            return first_shape(mesh, gripper, far_end, initial, self._history), mesh
+            return first_shape(mesh, gripper, holds, initial, self._history), mesh
         if self.accuracy is None:
-            return self._equilibrium(gripper, None, far_end), mesh
-        return step(mesh, gripper, known, StepInputs(self._history, far_end, self.method)), mesh
+            return self._equilibrium(gripper, None, holds), mesh
+        return step(mesh, gripper, known, StepInputs(self._history, holds, self.method)), mesh
 
 
 def made_by(simulator: DirectSimulator, shape: Shape) -> bool:
@@ -570,7 +583,8 @@ _ENOUGH = 64  # nodes of a mesh that a motion is begun with as it is
 def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers: Iterable[Pose],
               dt: float, steps: Progress, initial: Shape | Motion | None = None,
               far_ends: Iterable[Any] | None = None, velocity: Velocity | None = None,
-              tolerance: float | None = None, integrator: str = 'generalized_alpha') -> Motion:
+              tolerance: float | None = None, integrator: str = 'generalized_alpha',
+              holds: Iterable[Any] = ()) -> Motion:
     """Return what `DirectSimulator.simulate` does, with the Stepper that `make` makes."""
     grippers = poses(grippers, 1)
     dt = number('dt', dt, above=0)
@@ -583,13 +597,13 @@ def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers
         velocity = initial.velocities[-1] if velocity is None else velocity
         initial = initial.shapes[-1]
     simulator._check(grippers[0], initial)
-    ends = ends_of(far_ends, len(grippers))
-    for gripper, end in zip(grippers, ends, strict=True):
-        simulator._check(gripper, None, end)
-    grips = moving_grips(grippers, ends, dt, velocity is None, initial)
+    held = held_by(far_ends, holds, len(grippers), simulator.rod.length)
+    for gripper, there in zip(grippers, held, strict=True):
+        simulator._check(gripper, None, there)
+    grips = moving_grips(grippers, held, dt, velocity is None, initial)
     plan = IntegrationOptions(len(grippers), integrator, tolerance)
     with interrupted_by(steps.check):
-        start, mesh = simulator._beginning(grippers[0], ends[0], initial)
+        start, mesh = simulator._beginning(grippers[0], held[0], initial)
         begun = InitialConditions(initial, start, nodes_velocity(velocity, initial, start))
         return simulate(make(mesh, grips, dt, simulator.method), begun, plan, steps)
 

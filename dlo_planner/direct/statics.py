@@ -7,13 +7,14 @@ So a step is made first without them, and a compiled sweep (`energy.terms.may_ac
 of the step and at the straight way to it. Where something acts, or the DLO remembers something, it
 is made with all that may act.
 
-Where the DLO goes on bearing on obstacles, or in both its grips, a step is a correction of the
+Where the DLO goes on bearing on obstacles, or in all its grips, a step is a correction of the
 shape before. Else the grips are moved to their places, around obstacles where that can be, and the
 minimum is sought from there.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -35,7 +36,7 @@ from dlo_planner.direct.search import (
     turn_of,
     with_hinge,
 )
-from dlo_planner.direct.shape import NO_WRENCH, Shape, State, contacts_of, hinge_of
+from dlo_planner.direct.shape import NO_WRENCH, NO_WRENCHES, Shape, State, contacts_of, hinge_of
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import penetration, penetration_of_point
 from dlo_planner.energy.potential import configuration_at
@@ -54,8 +55,18 @@ from dlo_planner.minimize.solve import (
     solve_step,
 )
 from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.holds import (
+    FarEnd,
+    Hold,
+    Holds,
+    Span,
+    alike,
+    places_of,
+    posed,
+    row_count,
+    spans_of,
+)
 from dlo_planner.model.pose import Pose, angle_between, pose_of
-from dlo_planner.model.supports import FarEnd, distance, spans
 from dlo_planner.model.value import Constant, changed, freeze, put, read_only
 from dlo_planner.model.varying import scaled
 from dlo_planner.progress import INTERRUPT, uninterrupted
@@ -68,24 +79,39 @@ def between(one: Pose, other: Pose, fraction: float) -> Pose:
 
 
 class Grips(NamedTuple):
-    """What holds a DLO: Pose of the gripper, FarEnd or None."""
+    """What holds a DLO: Pose of the gripper, Holds."""
 
     gripper: Pose
-    far_end: FarEnd | None = None
+    holds: Holds = ()
 
     def towards(self, goal: Grips, fraction: float) -> Grips:
-        """Return where grips are at a fraction of the straight way to `goal`, the grip its own."""
-        far_end = goal.far_end
-        if far_end is not None and self.far_end is not None:
-            far_end = FarEnd(between(self.far_end.pose, far_end.pose, fraction), far_end.grip)
-        return Grips(between(self.gripper, goal.gripper, fraction), far_end)
+        """Return where grips are at a fraction of the straight way to `goal`, which holds as much.
+
+        Their ways of holding are those of `goal`.
+        """
+        holds = tuple(posed(other, between(one.pose, other.pose, fraction))
+                      for one, other in zip(self.holds, goal.holds, strict=True))
+        return Grips(between(self.gripper, goal.gripper, fraction), holds)
+
+
+def grips_at(shape: Shape, holds: Holds) -> Grips:
+    """Return where a Shape has its gripper, and the places that Holds are to hold."""
+    return Grips(shape.gripper, tuple(posed(hold, _place_of(shape, hold)) for hold in holds))
+
+
+def _place_of(shape: Shape, hold: Hold) -> Pose:
+    """Return the Pose of the DLO where something is to hold it."""
+    if hold.s is None:
+        return Pose.from_rotation(shape.positions[-1], shape.frames[-1])
+    rotation, position = shape.frame_at(hold.s)
+    return Pose.from_rotation(position, rotation)
 
 
 class StepInputs(NamedTuple):
     """How a DLO is held in a step, what it begins with, and how its shape is sought."""
 
     memory: Memory | None = None  # that it starts with if there is no Shape of it before
-    far_end: FarEnd | None = None
+    holds: Holds = ()
     method: str = 'newton'        # as of `DirectSimulator`, like `strains`
     strains: str = 'components'
     # rad, by which a DLO that hangs freely may turn, see `Watch`; if it is finite, a fall onto
@@ -107,7 +133,7 @@ def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepIn
         how, initial = how._replace(memory=initial.state.before or how.memory), None
     past, shape = past_of(mesh, initial, how.memory), None
     if (how.method == 'newton' and mesh.may_hang and past.idle
-            and (mesh.hangs or how.far_end is None or initial is not None)):
+            and (mesh.hangs or not how.holds or initial is not None)):
         shape = _searched(mesh, gripper, initial, how, past, start, culled=True)
         given_up = not shape.converged and how.most < np.inf  # then it is made in parts
         if not (mesh.hangs or given_up or shape.converged and shape.state.culled):
@@ -135,7 +161,7 @@ def _with_set_judged(shape: Shape, initial: Shape | None) -> Shape:
     if excess > 0.0:
         return _without_set(replace(shape, converged=False, state=replace(
             state, overspent=excess)), before)
-    finer = halved(state.made_on, shape.gripper, shape.element_strains, before, shape.far_end,
+    finer = halved(state.made_on, shape.gripper, shape.element_strains, before, shape.holds,
                    state.culled)
     hinge = hinge_of(shape, finer)
     error = np.inf if finer is None else moved_from(state.made_on, shape.positions, finer,
@@ -156,7 +182,7 @@ def _without_set(shape: Shape, before: Memory) -> Shape:
 def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepInputs,
               past: Memory, start: Floats | None, *, culled: bool) -> Shape:
     """Return what `step` does; `culled`: without what may act."""
-    far_end, newton = how.far_end, how.method == 'newton'
+    holds, newton = how.holds, how.method == 'newton'
     if start is not None:
         strains = read_only(start)
     elif initial is None:
@@ -166,7 +192,7 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: S
     else:
         strains = read_only(mesh.strains_from(initial.s, initial.element_strains))
     watch = _watched(mesh, initial, how.most) if culled else None
-    if culled and far_end is None:
+    if culled and not holds:
         return equilibrium(mesh, gripper, strains, past, culled=True, watch=watch)
     if how.strains == 'paper':
         system = mesh.local.system(gripper.rotation, gripper.position, past)
@@ -174,29 +200,54 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: S
                         past)
     shape = None
     if newton and initial is not None:
-        if far_end is None:
+        if not holds:
             shape = _corrected_contact(mesh, gripper, initial, strains, past)
-        elif initial.far_end is not None and initial.far_end.grip == far_end.grip:
-            shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
+        elif alike(initial.holds, holds):
+            shape = held_nearby(mesh, gripper, strains, past, holds, culled, watch)
+        else:
+            past = changed(past, hold=_forces_that_stay(initial.holds, past.hold, holds))
     if shape is not None:
         return shape
     if initial is not None and mesh.surroundings.pinned:  # it does not turn with its gripper
         gripper = Pose.from_rotation(gripper.position, initial.gripper.rotation)
-    gripper, strains, past, clear = _predict(mesh, initial, strains, Grips(gripper, far_end),
-                                             past, culled)
-    if newton and initial is None and far_end is not None:
-        shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
+    gripper, strains, past, clear = _predict(mesh, initial, strains, Grips(gripper, holds), past,
+                                             culled)
+    if newton and initial is None and holds:
+        shape = held_nearby(mesh, gripper, strains, past, holds, culled, watch)
     if shape is None:
-        shape = equilibrium(mesh, gripper, strains, past, far_end, method=how.method,
+        shape = equilibrium(mesh, gripper, strains, past, holds, method=how.method,
                             culled=culled, watch=watch)
+        if (newton and initial is None and not shape.converged and places_of(holds)
+                and not mesh.obstructed and _may_come_out(mesh, gripper, holds)):
+            shape = _joined(mesh, gripper, past, holds) or shape
         if (newton and initial is None and mesh.obstructed and not culled
-                and shape.violation > KEPT * mesh.s[-1] and _may_come_out(mesh, gripper, far_end)):
-            shape = _from_elsewhere(mesh, gripper, past, far_end) or shape
+                and shape.violation > KEPT * mesh.s[-1] and _may_come_out(mesh, gripper, holds)):
+            shape = _from_elsewhere(mesh, gripper, past, holds) or shape
     return shape if clear else replace(shape, converged=False, jumped=True)
 
 
+def _joined(mesh: Discretization, gripper: Pose, memory: Memory, holds: Holds) -> Shape | None:
+    """Return the Shape next to what `_by_parts` returns, or None."""
+    found = _by_parts(mesh, gripper, holds, memory)
+    if found is None:
+        return None
+    shape = equilibrium(mesh, found.gripper, found.strains, found.memory, holds)
+    return shape if shape.converged else None
+
+
+def _forces_that_stay(before: Holds, forces: Floats, holds: Holds) -> Floats:
+    """Return forces (K,) of Holds: of those that held `before` theirs, else 0."""
+    counts = [len(hold.held) for hold in before]
+    if forces.size != sum(counts):
+        return np.zeros(0)
+    known = {(hold.s, hold.grip): part for hold, part in zip(
+        before, np.split(forces, np.cumsum(counts)[:-1]), strict=True)} if before else {}
+    return np.concatenate([known.get((hold.s, hold.grip), np.zeros(len(hold.held)))
+                           for hold in holds])
+
+
 def _from_elsewhere(mesh: Discretization, gripper: Pose, memory: Memory,
-                    far_end: FarEnd | None) -> Shape | None:
+                    holds: Holds) -> Shape | None:
     """Return the Shape that falls onto the obstacles from above, or swings against them; or None.
 
     Where a DLO is first inside obstacles the way out may be above them, where its dead loads would
@@ -205,20 +256,20 @@ def _from_elsewhere(mesh: Discretization, gripper: Pose, memory: Memory,
     bare = mesh.within(replace(mesh.surroundings, obstacles=()))
     lifted = bare.varied(pull=-bare.free.load.pull)
     for one in (lifted, bare) if mesh.loaded else (bare,):
-        there = step(one, gripper, None, StepInputs(far_end=far_end))
+        there = step(one, gripper, None, StepInputs(holds=holds))
         if there.converged:
-            shape = equilibrium(mesh, there.gripper, there.element_strains, memory, far_end)
+            shape = equilibrium(mesh, there.gripper, there.element_strains, memory, holds)
             if shape.converged:
                 return shape
     return None
 
 
-def _may_come_out(mesh: Discretization, gripper: Pose, far_end: FarEnd | None) -> bool:
-    """Return whether the gripper is in no obstacle, and the far end within reach."""
+def _may_come_out(mesh: Discretization, gripper: Pose, holds: Holds) -> bool:
+    """Return whether the gripper is in no obstacle, and all that holds within reach."""
     length = float(mesh.s[-1])
     inside = penetration_of_point(mesh.scene, np.array(gripper.position))
-    return inside <= KEPT * length and (
-        far_end is None or spans(distance(far_end, gripper), length, mesh.loaded))
+    return inside <= KEPT * length and all(
+        span.reaches(mesh.loaded) for span in spans_of(holds, gripper, length))
 
 
 def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, strains: Floats,
@@ -230,7 +281,7 @@ def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, stra
         mesh.full, gripper.rotation, gripper.position, past.plastic, past.node_force, *past.points,
         past.positions, past.tangents, initial.gripper.rotation, initial.gripper.position,
         strains, TOLERANCE, EXACT * float(mesh.s[-1])))
-    return shape_from(mesh, gripper, end, past, None, False) if end.residual < np.inf else None
+    return shape_from(mesh, gripper, end, past, (), False) if end.residual < np.inf else None
 
 
 def past_of(mesh: Discretization, initial: Shape | None, memory: Memory | None) -> Memory:
@@ -266,7 +317,7 @@ def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:
     About what `Shape.error_estimate` says, which makes all steps and proves what it finds. Infinite
     where such a step tells nothing.
     """
-    if not shape.contacts or shape.far_end is not None or mesh.yields or not mesh.may_hang:
+    if not shape.contacts or shape.holds or mesh.yields or not mesh.may_hang:
         return np.inf
     gripper, finer = shape.gripper, mesh.finer
     left = changed(past, positions=NOWHERE, tangents=NOWHERE).under(past).resampled(finer.s)
@@ -309,38 +360,44 @@ def _predict(mesh: Discretization, previous: Shape | None, strains: Floats, goal
     The grips go straight from where they are in `previous`; the DLO gives way. Where an obstacle is
     between here and there, the motion is made in smaller parts.
     """
-    (gripper, far_end), amid = goal, mesh.obstructed and not culled
-    if far_end is None and (previous is None or not amid):
+    (gripper, holds), amid = goal, mesh.obstructed and not culled
+    if not holds and (previous is None or not amid):
         return Predictor(gripper, strains, memory)
     strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
-    begin = Grips(gripper if previous is None else previous.gripper)
-    if far_end is not None:  # where the end is now
-        if previous is None:
-            state = configuration_at(mesh.system(gripper.rotation, culled=True), strains)
-            position, frame = gripper.position + state.positions[-1], state.rotations[-1]
-        else:
-            position, frame = previous.positions[-1], previous.frames[-1]
-        begin = Grips(begin.gripper, FarEnd(Pose.from_rotation(position, frame), far_end.grip))
+    if previous is not None:
+        begin = grips_at(previous, holds)
+    else:
+        begin = Grips(gripper, _places_in(mesh, gripper, strains, holds))
     parts = _parts_between(begin, goal, float(mesh.s[-1]))
     if parts == 0:
         return Predictor(gripper, strains, memory)
-    if far_end is not None and previous is None:
+    if holds and previous is None:
         return _initial_placement(mesh, strains, begin, goal, memory, parts)
-    if far_end is not None and not amid:
+    if holds and not amid:
         return _follow_way(mesh, strains, begin, goal, memory, parts, culled)
     return _advance_in_parts(mesh, strains, begin, goal, memory, parts)
+
+
+def _places_in(mesh: Discretization, gripper: Pose, strains: Floats, holds: Holds) -> Holds:
+    """Return Holds that are where the DLO has their places with strains (N, 3) in a gripper."""
+    state, there = configuration_at(mesh.system(gripper.rotation, culled=True), strains), []
+    positions, rotations = state.positions, state.rotations
+    for hold, node in zip(holds, mesh.held_nodes(holds)[0].tolist(), strict=True):
+        place = gripper.position + positions[node]
+        there.append(posed(hold, Pose.from_rotation(place, rotations[node])))
+    return tuple(there)
 
 
 def _parts_between(begin: Grips, goal: Grips, length: float) -> int:
     """Return in how many parts the motion is to be made at least; 0 if there is none."""
     pairs = [(begin.gripper, goal.gripper, True)]
-    if begin.far_end is not None and goal.far_end is not None:
-        pairs.append((begin.far_end.pose, goal.far_end.pose, goal.far_end.grip != 'pinned'))
+    pairs += [(one.pose, other.pose, other.grip != 'pinned')
+              for one, other in zip(begin.holds, goal.holds, strict=True)]
     parts = 0.0
     for one, other, turns in pairs:
         shift = float(np.linalg.norm(other.position - one.position))
         turn = angle_between(one.rotation, other.rotation) if turns else 0.0
-        if goal.far_end is None:
+        if not goal.holds:
             return int(shift + turn > 0)
         parts = max(parts, shift / (_SHIFT * length), turn / _TURN)
     return int(np.ceil(parts - 1e-9))
@@ -348,36 +405,36 @@ def _parts_between(begin: Grips, goal: Grips, length: float) -> int:
 
 def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
                 parts: int, culled: bool) -> Predictor:
-    """Return where the search begins near the end of a straight way of both grips.
+    """Return where the search begins near the end of a straight way of all grips together.
 
     What is left is the last part. Where the DLO does not follow, the way is left there.
     """
-    held, far_end = begin.far_end, goal.far_end
-    assert held is not None and far_end is not None  # see `_predict`
-    first, last, done = begin.gripper, goal.gripper, 0.0
+    holds, first, last, done = goal.holds, begin.gripper, goal.gripper, 0.0
     for finer in range(_FINEST):
         count = int(np.ceil(parts * _FINER**finer * (1.0 - done) - 1e-9))
         if count <= 1:
             break
         shares = done + (1.0 - done) * np.arange(1, count) / count
         gripped, bases = _way(first, last, shares)
-        held_at, axes = _way(held.pose, far_end.pose, shares)
-        system = mesh.system(bases[0], gripped[0], memory,
-                             FarEnd(Pose.from_rotation(held_at[0], axes[0]), held.grip),
-                             culled=culled)
-        rows = mesh.grip_rows(held.grip, axes)
+        held_at, axes = (np.empty((count - 1, len(holds), 3)),
+                         np.empty((count - 1, len(holds), 3, 3)))
+        there: Holds = ()
+        for k, (one, other) in enumerate(zip(begin.holds, holds, strict=True)):
+            held_at[:, k], axes[:, k] = _way(one.pose, other.pose, shares)
+            there += posed(other, Pose.from_rotation(held_at[0, k], axes[0, k])),
+        system = mesh.system(bases[0], gripped[0], memory, there, culled=culled)
+        targets, rows = held_at - gripped[:, None], mesh.grip_rows(holds, axes)
         q = mesh.unknowns(strains)
         if mesh.surroundings.pinned:
             bases[:] = system.base
             q, gone = uninterrupted(follow_homotopy(
-                with_hinge(system), hinge_unknowns(system, q), bases, held_at - gripped, axes,
-                rows))
+                with_hinge(system), hinge_unknowns(system, q), bases, targets, axes, rows))
             first, last = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
                            for pose in (first, last))
             q = own_unknowns(system, q)
         else:
             q, gone = uninterrupted(follow_homotopy(
-                system, q, bases, held_at - gripped, axes, rows))
+                system, q, bases, targets, axes, rows))
         strains = mesh.strains_of(q)
         memory = changed(memory, hold=system.hold.multiplier)
         if gone == len(shares):
@@ -399,23 +456,85 @@ def _initial_placement(mesh: Discretization, strains: Floats, begin: Grips, goal
     First without obstacles, then it grows to its thickness among them; torsion that is soft is as
     stiff as bending until then.
     """
-    from dlo_planner.direct.taut import first_shape  # noqa: PLC0415  (SciPy: a free DLO needs none)
-    (gripper, far_end), amid = goal, mesh.obstructed
-    assert far_end is not None  # see `_predict`
+    (gripper, holds), amid = goal, mesh.obstructed
     firm = _with_firm_torsion(mesh)
     bare = firm.within(replace(firm.surroundings, obstacles=())) if amid else firm
     past = bare.past(memory)
-    gripper, strains, past, _ = first_shape(bare, gripper, far_end, past) or _follow_way(
+    gripper, strains, past, _ = _first_shape(bare, gripper, holds, past) or _follow_way(
         bare, strains, begin, goal, past, parts, False)
     if amid:
-        shape = equilibrium(bare, gripper, strains, past, far_end)
+        shape = equilibrium(bare, gripper, strains, past, holds)
         past = changed(firm.past(memory), hold=shape.state.left.hold)
         gripper, strains, past, _ = _grow_thickness(
-            firm, shape.gripper, np.array(shape.element_strains), far_end, past)
+            firm, shape.gripper, np.array(shape.element_strains), holds, past)
     if firm is not mesh:
-        shape = equilibrium(firm, gripper, strains, past, far_end)
+        shape = equilibrium(firm, gripper, strains, past, holds)
         gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape.state.left
     return Predictor(gripper, strains, memory.with_forces(past))
+
+
+def _first_shape(mesh: Discretization, gripper: Pose, holds: Holds,
+                 memory: Memory) -> tuple[Pose, Floats, Memory, bool] | None:
+    """Return what a DLO of which a part is nearly taut begins with; None where none is, or known.
+
+    From the stress-free shape a search would have to find the tension, beyond all bounds.
+    """
+    from dlo_planner.direct.taut import first_shape, is_taut  # noqa: PLC0415  (SciPy: a free DLO needs none)
+    if len(holds) == 1 and holds[0].s is None:
+        return first_shape(mesh, gripper, holds[0], memory)
+    return _by_parts(mesh, gripper, holds, memory) if is_taut(mesh, gripper, holds) else None
+
+
+def _by_parts(mesh: Discretization, gripper: Pose, holds: Holds,
+              memory: Memory) -> Predictor | None:
+    """Return a DLO whose parts between holds are each in equilibrium; None if one is not found.
+
+    Where a pin leaves the frame open, its tangent is that of `taut.pin_tangent`.
+    """
+    from dlo_planner.direct.taut import pin_tangent  # noqa: PLC0415  (SciPy: a free DLO needs none)
+    if memory.has_set:
+        return None  # it stays on its mesh
+    nodes = [0, *mesh.held_nodes(holds)[0].tolist()]
+    grips: list[Hold | None] = []
+    for k, hold in enumerate(holds):
+        tangent = None
+        if hold.grip == 'pinned' and hold.s is not None:
+            tangent = pin_tangent(gripper, holds, k)
+        grips.append(FarEnd(hold.pose, hold.grip) if tangent is None else FarEnd(
+            Pose.looking_along(hold.pose.position, tangent), 'aligned'))
+    if nodes[-1] < mesh.s.size - 1:  # what hangs beyond
+        nodes, grips = [*nodes, mesh.s.size - 1], [*grips, None]
+    begin, shapes = gripper, []
+    for first, last, end in zip(nodes, nodes[1:], grips, strict=False):
+        part = _part_of(mesh, first, last)
+        shape = step(part, begin, None, StepInputs(holds=() if end is None else (end,)))
+        if not (shape.converged or shape.nearly):
+            return None
+        begin = Pose.from_rotation(shape.positions[-1], shape.frames[-1])
+        shapes.append(shape)
+    forces = []
+    for k, hold in enumerate(holds):
+        wrench, rows = shapes[k].far_wrench, hold.held
+        if k + 1 < len(shapes):
+            wrench = wrench + shapes[k + 1].gripper_wrench
+        forces.append(-(rows[:, :3] @ wrench[3:] / mesh.lever + rows[:, 3:] @ wrench[:3]))
+    strains = np.vstack([shape.element_strains for shape in shapes])
+    return Predictor(shapes[0].gripper, mesh.strains_of(mesh.unknowns(strains)),
+                     replace(memory, hold=np.concatenate(forces)))
+
+
+def _part_of(mesh: Discretization, first: int, last: int) -> Discretization:
+    """Return the elements between two nodes of a Discretization, without what may act."""
+    around, (begin, end) = mesh.surroundings.free, mesh.s[[first, last]].tolist()
+    if last < mesh.s.size - 1:
+        around = around.part(end, -1).part(end - begin, -1)
+    elif first:
+        around = around.part(begin, 1)
+    if first:  # a pinned gripper is only at the beginning
+        around = replace(around, grip='clamped')
+    s = mesh.s[first:last + 1] - begin
+    s[-1] = around.rod.length
+    return Discretization(around, s, 'local', 0)
 
 
 def _with_firm_torsion(mesh: Discretization) -> Discretization:
@@ -428,17 +547,17 @@ def _with_firm_torsion(mesh: Discretization) -> Discretization:
     return mesh.within(mesh.surroundings.of_rod(firm))
 
 
-def _grow_thickness(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd,
+def _grow_thickness(mesh: Discretization, gripper: Pose, strains: Floats, holds: Holds,
                     memory: Memory) -> Predictor:
     """Return a DLO grown to its thickness among obstacles, from its strains without them."""
-    system = mesh.system(gripper.rotation, gripper.position, memory, far_end)
+    system = mesh.system(gripper.rotation, gripper.position, memory, holds)
     state = configuration_at(system, strains)
     thin = growth = penetration(system.scene, system.lengths, state.strains, state.rotations,
                                 state.positions)
     step = growth
     while thin > 0.0 and step > _LEAST_GROWTH * growth:
         wanted = max(0.0, thin - step)
-        system = mesh.system(gripper.rotation, gripper.position, memory, far_end)
+        system = mesh.system(gripper.rotation, gripper.position, memory, holds)
         scene = system.scene  # of a DLO whose surface is deeper everywhere
         scene = scene._replace(radius=scene.radius - wanted, radii=scene.radii - wanted,
                                rounding=scene.rounding - wanted)
@@ -463,7 +582,7 @@ def _advance_in_parts(mesh: Discretization, strains: Floats, begin: Grips, goal:
         old = configuration_at(mesh.system(where.rotation), strains)
         target = min(1.0, done + step)
         there = goal if target == 1.0 else begin.towards(goal, target)
-        system = mesh.system(there.gripper.rotation, there.gripper.position, memory, there.far_end)
+        system = mesh.system(there.gripper.rotation, there.gripper.position, memory, there.holds)
         new = configuration_at(system, strains)
         shift = there.gripper.position - where.position
         if sweeps_through(system.scene, system.lengths, old.strains, old.rotations,
@@ -518,43 +637,44 @@ freeze(UNWATCHED[:3])  # nodes are of the type of others
 
 
 def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats,
-                memory: Memory | None = None, far_end: FarEnd | None = None, *,
+                memory: Memory | None = None, holds: Holds = (), *,
                 method: str = 'newton', culled: bool = False, watch: Watch | None = None,
                 how: Search | None = None) -> Shape:
     """Return the Shape that the DLO falls into from strains (N, 3); `culled`: `Discretization`."""
     around, culled = mesh.surroundings, culled or mesh.hangs
-    how = how or search_of(mesh, gripper, far_end)
+    how = how or search_of(mesh, gripper, holds)
     if method == 'newton' and not (around.pinned or around.has_moments):
-        end = solution(mesh, gripper, strains, memory, far_end, how, culled, watch)
-        return shape_from(mesh, gripper, end, memory, far_end, culled)
-    system = mesh.system(gripper.rotation, gripper.position, memory, far_end, culled=culled)
+        end = solution(mesh, gripper, strains, memory, holds, how, culled, watch)
+        return shape_from(mesh, gripper, end, memory, holds, culled)
+    system = mesh.system(gripper.rotation, gripper.position, memory, holds, culled=culled)
     q = mesh.unknowns(strains)
     found = (minimum(mesh, system, gripper, q, memory, how) if method == 'newton'
              else search(system, q, method, TOLERANCE))
-    return shape_of(mesh, gripper, found, memory, far_end)
+    return shape_of(mesh, gripper, found, memory, holds)
 
 
 def held_nearby(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memory,
-                far_end: FarEnd, culled: bool, watch: Watch | None = None) -> Shape | None:
-    """Return the Shape in two grips next to given strains (N, 3); None if it is not near.
+                holds: Holds, culled: bool, watch: Watch | None = None) -> Shape | None:
+    """Return the Shape in all grips next to given strains (N, 3); None if it is not near.
 
-    The grip has no springs: then displacements of what lies beyond an element do not matter, and
-    the Hessian's blocks are 3 wide. What springs would add is zero on what the grip leaves free.
+    Holds have no springs: then displacements of what lies beyond an element do not matter, and
+    the Hessian's blocks are 3 wide. What springs would add is zero on what holds leave free.
     """
-    how = search_of(mesh, gripper, far_end)
-    if not culled or how.steps < MAX_ITERATIONS or memory.hold.shape != (len(far_end.held),):
+    how = search_of(mesh, gripper, holds)
+    if (not culled or how.steps < MAX_ITERATIONS
+            or memory.hold.size != row_count(holds)):
         return None
-    end = solution(mesh, gripper, strains, memory, far_end, how._replace(near=True), True, watch)
-    return shape_from(mesh, gripper, end, memory, far_end, True) if end.residual < np.inf else None
+    end = solution(mesh, gripper, strains, memory, holds, how._replace(near=True), True, watch)
+    return shape_from(mesh, gripper, end, memory, holds, True) if end.residual < np.inf else None
 
 
 def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memory | None,
-             far_end: FarEnd | None, how: Search, culled: bool,
+             holds: Holds, how: Search, culled: bool,
              watch: Watch | None = None) -> Solution:
     """Return the Solution of a step, found by one compiled call; arguments as of `equilibrium`."""
     system = mesh.free
-    if far_end is not None or not culled:
-        system = mesh.system(gripper.rotation, gripper.position, memory, far_end, culled=culled,
+    if holds or not culled:
+        system = mesh.system(gripper.rotation, gripper.position, memory, holds, culled=culled,
                              springs=not how.near)
     full = None if watch is None or mesh.hangs else mesh.full
     places, frames, rotation, nodes, most = watch or UNWATCHED
@@ -581,28 +701,33 @@ def acts_at(mesh: Discretization, strains: Floats, positions: Floats, before: Fl
     return bool(may_act(full.effects, full, *map(np.array, (strains, positions, before))))
 
 
-def search_of(mesh: Discretization, gripper: Pose, far_end: FarEnd | None) -> Search:
+def search_of(mesh: Discretization, gripper: Pose, holds: Holds) -> Search:
     """Return the thorough Search in these grips.
 
-    The less slack there is, the more its tension depends on where the end is. What is out of reach
+    The less slack there is, the more tension depends on where the grips are. What is out of reach
     is given up soon.
     """
-    if far_end is None:
+    if not holds:
         return THOROUGH
-    length, spanned = float(mesh.s[-1]), distance(far_end, gripper)
-    steps = MAX_ITERATIONS if spans(spanned, length, mesh.loaded) else _IN_VAIN
-    exact = EXACT
-    if mesh.loaded:
-        exact = min(exact, _GRIP_EXACT * max(1.0 - spanned / length, _LEAST_SLACK))
+    steps, exact, length, loaded = MAX_ITERATIONS, EXACT, mesh.s.item(-1), mesh.loaded
+    for span in spans_of(holds, gripper, length):
+        if not span.reaches(loaded):
+            steps = _IN_VAIN
+        if loaded:
+            slack = 1.0 - span.distance / span.length
+            exact = min(exact, _GRIP_EXACT * max(slack, _LEAST_SLACK) * (span.length / length))
     return Search(steps, exact=exact)
 
 
-def reach_of(mesh: Discretization, spanned: float) -> float:
-    """Return by how much a grip may be missed where so much is spanned, m; -1: out of reach."""
-    length = float(mesh.s[-1])
-    if not spans(spanned, length, mesh.loaded):
-        return -1.0
-    return min(_GRIP_KEPT * length, _SLACK * (length - spanned) if mesh.loaded else np.inf)
+def reach_of(mesh: Discretization, tautest: Iterable[Span]) -> float:
+    """Return by how much grips may be missed that have these Spans, m; -1: one is out of reach."""
+    reach = _GRIP_KEPT * mesh.s.item(-1)
+    for span in tautest:
+        if not span.reaches(mesh.loaded):
+            return -1.0
+        if mesh.loaded:
+            reach = min(reach, _SLACK * (span.length - span.distance))
+    return reach
 
 
 # ------------------------------------------------------------------------------------------------
@@ -610,14 +735,14 @@ def reach_of(mesh: Discretization, spanned: float) -> float:
 
 
 def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, memory: Memory | None = None,
-             far_end: FarEnd | None = None) -> Shape:
+             holds: Holds = ()) -> Shape:
     """Return the Shape of a Minimum; `memory` is what the step began with."""
     if mesh.surroundings.pinned:
         gripper = Pose.from_rotation(gripper.position, found.system.base)
     end = solution_of(found, gripper)
     if mesh.surroundings.has_moments:
         end.wrench[3:] -= mesh.moments.sum(axis=0)
-    return shape_from(mesh, gripper, end, memory, far_end, mesh.hangs, found.evaluations)
+    return shape_from(mesh, gripper, end, memory, holds, mesh.hangs, found.evaluations)
 
 
 def solution_of(found: Minimum, gripper: Pose, ended: bool = True) -> Solution:
@@ -629,17 +754,17 @@ def solution_of(found: Minimum, gripper: Pose, ended: bool = True) -> Solution:
 
 
 def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memory | None,
-               far_end: FarEnd | None, culled: bool, evaluations: int = 0) -> Shape:
+               holds: Holds, culled: bool, evaluations: int = 0) -> Shape:
     """Return the Shape of a Solution: all that simulators return are made here."""
     around, before = mesh.surroundings, memory or mesh.start
-    hangs = mesh.hangs and far_end is None  # then the next step does not count from here
+    hangs = mesh.hangs and not holds  # then the next step does not count from here
     for one in end[:4]:
         one.setflags(write=False)
     if not hangs:
         freeze(end[4:7] if culled else end[4:8])
     violation = max(end.violation, end.inside)
-    bound = around.pinned or far_end is not None or mesh.obstructed and not culled
-    reach = np.inf if far_end is None else reach_of(mesh, distance(far_end, gripper))
+    bound = around.pinned or holds or mesh.obstructed and not culled
+    reach = reach_of(mesh, spans_of(holds, gripper, mesh.s.item(-1))) if holds else np.inf
     good = is_equilibrium(bool(end.stationary), end.stability, bool(bound), violation,
                           KEPT * mesh.s.item(-1), end.missed, reach) and before.hinge < 0.0
     after: Memory = before
@@ -653,11 +778,11 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
         element_strains=end.strains, energy=end.energy, elastic_energy=end.elastic,
         gripper_wrench=end.wrench, residual=end.residual, stability=end.stability,
         iterations=end.iterations, converged=bool(good), jumped=False, contacts=contacts,
-        evaluations=evaluations, violation=violation, far_end=far_end,
-        far_wrench=NO_WRENCH if far_end is None else end.far_wrench, dissipated=after.dissipated,
-        parts=None, state=State.__new__(State), passed_itself=False)
+        evaluations=evaluations, violation=violation, holds=holds,
+        wrenches=end.wrenches if holds else NO_WRENCHES, dissipated=after.dissipated, parts=None,
+        state=State.__new__(State), passed_itself=False)
     put(shape.state, mesh=mesh, history=after, before=before, estimate=partial(
-        estimated, mesh, gripper, end.strains, end.positions, before, far_end, culled),
+        estimated, mesh, gripper, end.strains, end.positions, before, holds, culled),
         culled=culled and not end.acts, kicks=end.kicks)
     return shape
 
@@ -691,13 +816,13 @@ def hanging_shape(mesh: Discretization, gripper: Pose, strains: Floats, frames: 
     """Return the Shape of a DLO that hangs freely, which another kernel has found."""
     start = mesh.start
     return shape_from(mesh, gripper, Solution(
-        strains, frames, positions, wrench, NO_WRENCH, start.hold, start.plastic, None, None,
+        strains, frames, positions, wrench, NO_WRENCHES, start.hold, start.plastic, None, None,
         elastic, energy, 0.0, 0.0, 0.0, bool(residual < CONVERGED), residual, stability, iterations,
-        0, 0.0, False), start, None, True)
+        0, 0.0, False), start, (), True)
 
 
 def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: Floats,
-              before: Memory, far_end: FarEnd | None, culled: bool) -> float:
+              before: Memory, holds: Holds, culled: bool) -> float:
     """Return how far, in m, the nodes are from the true rod's: see `Shape.error_estimate`.
 
     The elements are of second order, so halving them removes three quarters of their error.
@@ -705,23 +830,23 @@ def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: F
     what they find. In contact it may be that the finer DLO finds no equilibrium nearby, let go by
     friction for instance: then nothing is known, and the estimate is infinite.
     """
-    if culled and far_end is None:
-        there = solution(mesh.finer, gripper, np.repeat(strains, 2, axis=0), None, None, _HALVED,
+    if culled and not holds:
+        there = solution(mesh.finer, gripper, np.repeat(strains, 2, axis=0), None, (), _HALVED,
                          True).positions
         return _error_from(mesh, positions, there)
-    finer = halved(mesh, gripper, strains, before, far_end, culled)
+    finer = halved(mesh, gripper, strains, before, holds, culled)
     return np.inf if finer is None else moved_from(mesh, positions, finer, culled)
 
 
 def halved(mesh: Discretization, gripper: Pose, strains: Floats, before: Memory,
-           far_end: FarEnd | None, culled: bool) -> Shape | None:
+           holds: Holds, culled: bool) -> Shape | None:
     """Return the equilibrium beside strains (N, 3) with every element halved; None without one."""
     finer, start = mesh.finer, np.repeat(strains, 2, axis=0)
     past, shape = finer.past(before), None
-    if far_end is not None:
-        shape = held_nearby(finer, gripper, start, past, far_end, culled)
+    if holds:
+        shape = held_nearby(finer, gripper, start, past, holds, culled)
     if shape is None:
-        shape = equilibrium(finer, gripper, start, past, far_end, culled=culled)
+        shape = equilibrium(finer, gripper, start, past, holds, culled=culled)
         if not shape.converged:
             return None
     return shape
@@ -794,34 +919,37 @@ def work_of_grips(previous: Shape, shape: Shape) -> tuple[float, float]:
     It is larger or smaller by up to the spread if all of the change is at one end of the way.
     """
     one, other = previous.gripper, shape.gripper
-    return _work_of_grips(
-        one.rotation, other.rotation, one.position, other.position, previous.gripper_wrench,
-        shape.gripper_wrench, shape.far_end is not None, previous.frames, shape.frames,
-        previous.positions, shape.positions, previous.far_wrench, shape.far_wrench)
-
-
-@kernel
-def _work_of_grips(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats,
-                   after: Floats, held: bool, frames: Floats, frames_after: Floats,
-                   positions: Floats, positions_after: Floats, far_before: Floats,
-                   far_after: Floats) -> tuple[float, float]:
-    """Return the work of both grips in J and its spread, of arrays.
-
-    Rotations, positions and wrenches on the DLO are those before and after the step. A far end that
-    is not `held` after it has been let go, which is no work.
-    """
-    work, spread = _work(one, other, begin, end, before, after)
-    if held:
-        more, wider = _work(frames[-1], frames_after[-1], positions[-1], positions_after[-1],
-                            far_before, far_after)
+    work, spread = _work(one.rotation, other.rotation, one.position, other.position,
+                         previous.gripper_wrench, shape.gripper_wrench)
+    for hold, after in zip(shape.holds, shape.wrenches, strict=True):
+        before = NO_WRENCH
+        for known, wrench in zip(previous.holds, previous.wrenches, strict=True):
+            if known.s == hold.s:
+                before = wrench
+        turned, turned_after, at, at_after = (
+            previous.frames[-1], shape.frames[-1], previous.positions[-1], shape.positions[-1])
+        if hold.s is not None:
+            (turned, at), (turned_after, at_after) = (
+                frame_inside(previous, hold.s), frame_inside(shape, hold.s))
+        more, wider = _work(turned, turned_after, at, at_after, before, after)
         work, spread = work + more, spread + wider
     return work, spread
+
+
+def frame_inside(shape: Shape, s: float) -> tuple[Floats, Floats]:
+    """Return axes (3, 3) and position (3,) of a Shape at `s` (m), read-only as those of nodes."""
+    rotation, position = shape.frame_at(s)
+    return read_only(rotation), read_only(position)
 
 
 @kernel
 def _work(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats,
           after: Floats) -> tuple[float, float]:
-    """Return the work of one grip in J and its spread."""
+    """Return the work of one grip in J and its spread, of arrays.
+
+    Rotations, positions and wrenches on the DLO are those before and after the step. What does not
+    hold after it has let go, which is no work.
+    """
     turn = rotation_vector(times_transposed(matrix(other), matrix(one)))
     work = spread = 0.0
     for i in range(3):

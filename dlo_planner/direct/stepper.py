@@ -53,8 +53,8 @@ from dlo_planner.geometry.self_passage import first_passage
 from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.convergence import accept_by_decrement
 from dlo_planner.minimize.solve import Solution
-from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.supports import FarEnd
+from dlo_planner.model.arrays import Bools, Floats, Ints
+from dlo_planner.model.holds import spans_along
 from dlo_planner.model.value import Constant, freeze
 from dlo_planner.progress import uninterrupted
 
@@ -67,7 +67,7 @@ _AT_FIRST = 0.1      # of a step: it may be halved yet
 _BRIEF = 1e-1, 1e-3  # of a step, of the DLO's own time: how long it is watched
 _BRIEFEST = 3e-5     # of that time: of what is watched for less rounding errors would count
 _AT_ONCE = 1e-13     # of the length: how exactly grips are kept in so short a time
-_WRENCHES = 'wrenches', 'end_wrenches', 'mean_wrenches'
+_WRENCHES = 'wrenches', 'hold_wrenches', 'mean_wrenches'
 NO_GUESS = np.zeros((0, 3))  # read-only arrays are another type for kernels
 
 
@@ -78,7 +78,7 @@ class Row(NamedTuple):
     bends: Floats
     frames: Floats
     wrenches: Floats
-    end_wrenches: Floats
+    hold_wrenches: Floats
     mean_wrenches: Floats
     proofs: Floats
     iterations: Any
@@ -159,13 +159,13 @@ class TimePoint:
         return float(energies[KINETIC] + energies[STATIC] - given + lost)
 
     def _shape(self) -> Shape:
-        mesh, (gripper, far_end), row = (self.stepper.discretization,
-                                         self.stepper.grips.at(self.place), self.row)
+        mesh, (gripper, holds), row = (self.stepper.discretization,
+                                       self.stepper.grips.at(self.place), self.row)
         residual, stability, _, violation = row.proofs.tolist()
         (element, obstacle), points = row.point_of.T, row.points
         (source, at), places = row.contact_of.T, row.contacts
         end = Solution(
-            row.bends[0], row.frames, row.nodes[0], row.wrenches, row.end_wrenches, row.reactions,
+            row.bends[0], row.frames, row.nodes[0], row.wrenches, row.hold_wrenches, row.reactions,
             row.plastic, (row.node_forces, element, obstacle, points[:, 0], points[:, 1],
                           *(points[:, i:i + 3] for i in (2, 5, 8, 11))),
             (source, at, places[:, 0], places[:, 1:4], places[:, 4:7], places[:, 7],
@@ -173,7 +173,7 @@ class TimePoint:
             float(row.energies[ELASTIC]), float(row.energies[STATIC]),
             float(row.energies[DISSIPATED]), 0.0, 0.0, bool(row.converged), residual, stability,
             int(row.iterations), 0, violation, False)
-        shape = shape_from(mesh, gripper, end, self.begun, far_end, self.free,
+        shape = shape_from(mesh, gripper, end, self.begun, holds, self.free,
                            int(row.evaluations))
         if stability == np.inf:  # it was proved to be good, and no more
             shape = replace(shape, stability=stability_at(
@@ -242,7 +242,7 @@ class Stepper:
     def hangs_from(self, now: TimePoint) -> bool:
         """Return whether nothing that may act does so at a TimePoint, nor has."""
         mesh = self.discretization
-        if self.grips.far_end is not None or not mesh.may_hang or not (mesh.hangs or now.idle):
+        if self.grips.kinds or not mesh.may_hang or not (mesh.hangs or now.idle):
             return False
         return mesh.hangs or not acts_at(mesh, now.row.bends[0], now.positions, now.positions)
 
@@ -346,8 +346,11 @@ class Stepper:
         energies = np.zeros(8)
         energies[[ELASTIC, STATIC]] = shape.elastic_energy, shape.energy
         left, count = shape.state.history or mesh.start, len(shape.contacts)
-        row = Row(nodes, bends, shape.frames, shape.gripper_wrench, shape.far_wrench,
-                  np.zeros((2, 6)),
+        count_of_holds = len(self.grips.kinds)
+        known = shape.wrenches if len(shape.holds) == count_of_holds else np.zeros(
+            (count_of_holds, 6))  # what was not held at the beginning has exerted nothing yet
+        row = Row(nodes, bends, shape.frames, shape.gripper_wrench, known,
+                  np.zeros((1 + count_of_holds, 6)),
                   np.array([shape.residual, shape.stability, 0.0, shape.violation]),
                   shape.iterations, shape.evaluations, energies, shape.converged, 0, False,
                   left.hold, left.plastic, left.node_force, np.column_stack(left.points[:2]),
@@ -402,7 +405,7 @@ class Stepper:
         mesh = self.discretization
         if culled:
             return mesh.free
-        return mesh.static if self.grips.far_end is None else mesh.full
+        return mesh.full if self.grips.kinds else mesh.static
 
     def problem(self, now: TimePoint, place: float, scheme: Scheme) -> Problem:
         """Return the Problem of one step of a Scheme to a place."""
@@ -429,19 +432,19 @@ class Stepper:
 
     def _options(self, scheme: Scheme, limits: Acceptance, exact: float = EXACT) -> StepOptions:
         mesh, rounding = self.discretization, self.rounding(scheme)
-        end = self._far_end
-        share = np.zeros(3) if end is None else end.share
         return StepOptions(
             TOLERANCE + rounding, rounding, float(exact * mesh.s[-1]), float(KEPT * mesh.s[-1]),
-            limits.patience, self.nearby, mesh.spring if end is None else mesh.held_spring, share,
-            end is not None and end.grip == 'sleeve', float(limits.error), limits.part,
-            limits.noise, limits.began, limits.any_in_contact,
+            limits.patience, self.nearby,
+            mesh.held_spring if self.grips.kinds else mesh.spring, *self._held,
+            float(limits.error), limits.part, limits.noise, limits.began, limits.any_in_contact,
             scheme.dt < _FOLLOWED * self.own_time)
 
     @cached_property
-    def _far_end(self) -> FarEnd | None:
-        """The FarEnd at time 0."""
-        return self.grips.at(0.0)[1]
+    def _held(self) -> tuple[Ints, Ints, Floats, Bools]:
+        """Nodes, rows, shares of Holds, and which of them slide, as of StepOptions."""
+        kinds = self.grips.kinds
+        return (*self.discretization.held_nodes(kinds),
+                np.array([hold.slides for hold in kinds], dtype=bool))
 
     def _buffer(self, places: Floats, now: Row) -> StepBuffer:
         """Return a StepBuffer at `places` (n,), of which the first is now."""
@@ -449,7 +452,7 @@ class Stepper:
         times, many = np.empty(rows), np.concatenate([places[:1]] * PAST + [places])
         times[PAST:] = self.dt * places
         grips = self.grips.gripper.along(many)
-        ends = self._ends(many, grips[1])
+        ends = self._holds(many, grips[1])
         courses = [np.empty((5, rows, *one.shape[1:])) for one in (now.nodes, now.bends)]
         for course, one in zip(courses, (now.nodes, now.bends), strict=True):
             course[:, PAST] = one
@@ -484,20 +487,17 @@ class Stepper:
             np.zeros(rows, dtype=bool), impulsive, stirred, *left, starts, indices[0], values[0],
             indices[1], values[1], np.zeros(2, dtype=bool))
 
-    def _ends(self, places: Floats, origins: Floats) -> tuple[Floats, ...]:
-        """Return targets, axes, rows and reach of the far end's grip at places (n,)."""
-        mesh, many, end = self.discretization, places.size, self._far_end
-        if self.grips.far_end is None or end is None:
-            return (np.zeros((many, 3)), np.zeros((many, 3, 3)), np.zeros((many, 0, 6)),
+    def _holds(self, places: Floats, origins: Floats) -> tuple[Floats, ...]:
+        """Return targets, axes, rows and reach of Holds at places (n,), grippers at `origins`."""
+        mesh, many, kinds = self.discretization, places.size, self.grips.kinds
+        if not kinds:
+            return (np.zeros((many, 0, 3)), np.zeros((many, 0, 3, 3)), np.zeros((many, 0, 6)),
                     np.full(many, np.inf))
-        axes, targets = self.grips.far_end.along(places)
-        held = mesh.grip_rows(end.grip, axes)
-        away = targets - origins
-        if end.grip == 'sleeve':
-            along = axes[:, :, 0]
-            away = away - np.sum(away * along, axis=1)[:, None] * along
-        spanned = np.linalg.norm(away, axis=1).tolist()
-        return targets, axes, held, np.array([reach_of(mesh, one) for one in spanned])
+        ways = [path.along(places) for path in self.grips.paths]
+        axes, targets = (np.stack(arrays, axis=1) for arrays in zip(*ways, strict=True))
+        spans = spans_along(kinds, origins, targets, axes, mesh.s.item(-1))
+        return (targets, axes, mesh.grip_rows(kinds, axes),
+                np.array([reach_of(mesh, there) for there in spans]))
 
 
 def _extrapolated(course: Floats, dt: float, share: float) -> Floats:

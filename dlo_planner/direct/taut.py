@@ -22,8 +22,8 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.discretization import Discretization, Memory, with_breaks
 from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.holds import Hold, Holds, named, places_of
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.supports import FarEnd
 
 _TAUT = 10.0    # l in the length: with so many tension decides
 _SURELY, _SLACK = 1e-9, 0.05  # of the length: slack that is looked at
@@ -33,40 +33,94 @@ _CLOSE = 1e-3   # of the slack: how well the first shape ends where the far end 
 _ELEMENT, _GROWTH = 0.4, 0.2  # elements next to clamps: of l; longer by so much of their distance
 _ROUGH = 0.8    # of l: elements that are longer are too long
 _APART = 0.3    # of an element: the least distance of two nodes
+_OPPOSITE = 1e-6  # of two unit vectors' sum: below, they say nothing of what is between
 _POINT, _POINTS = 0.15, 40  # of l, in the length: where the string is added up
 
 
+class Stretch(NamedTuple):
+    """A part of the DLO between two neighboring grips; n elements."""
+
+    first: int       # node at its beginning,
+    last: int        # and at its end
+    lengths: Floats  # (n,) m, of its elements
+    s: Floats        # (n + 1,) m, of its nodes from its beginning on
+    begin: Floats    # (3,) m, where they are held
+    end: Floats
+    tangents: tuple[Floats | None, Floats | None]  # (3,) there; None: free to turn
+    slides: bool     # whether an end may slide
+    names: tuple[str, str]  # of both grips
+
+
+def stretches(mesh: Discretization, gripper: Pose, holds: Holds) -> list[Stretch]:
+    """Return the parts of a DLO between its grips."""
+    found: list[Stretch] = []
+    first, begin, slid, before = 0, gripper.position, False, 'gripper'
+    known = None if mesh.surroundings.pinned else gripper.rotation[:, 0]
+    nodes = mesh.held_nodes(holds)[0].tolist()
+    for k, hold in enumerate(holds):
+        last, end, slides = nodes[k], hold.pose.position, hold.grip == 'sleeve'
+        tangent = hold.pose.rotation[:, 0] if hold.grip != 'pinned' else None
+        if hold.grip == 'pinned' and hold.s is not None:
+            tangent = pin_tangent(gripper, holds, k)
+        name = 'far end' if hold.s is None else named(hold)
+        found.append(Stretch(first, last, mesh.free.lengths[first:last],
+                             mesh.s[first:last + 1] - mesh.s[first], begin, end, (known, tangent),
+                             slid or slides, (before, name)))
+        first, begin, known, slid, before = last, end, tangent, slides, name
+    return found
+
+
+def pin_tangent(gripper: Pose, holds: Holds, k: int) -> Floats | None:
+    """Return the DLO's tangent (3,) at hold k, a pin inside: it halves the angle of its sides.
+
+    None where those say nothing.
+    """
+    places = [gripper.position, *(hold.pose.position for hold in holds)][k:k + 3]
+    both = np.zeros(3)
+    for one, other in zip(places, places[1:], strict=False):
+        way = other - one
+        size = sqrt(way @ way)
+        both += way / size if size > 0.0 else 0.0
+    size = sqrt(both @ both)
+    return both / size if size > _OPPOSITE else None
+
+
 class Span(NamedTuple):
-    """What keeps a nearly taut DLO in its grips."""
+    """What keeps a nearly taut part of a DLO between two grips."""
 
     tension: float               # N, about
-    bends: tuple[float, float]   # m, l at the gripper and at the far end; infinite: not clamped
-    way: Floats                  # (3,) unit vector from the gripper to the far end
+    bends: tuple[float, float]   # m, l at both grips; infinite: not clamped
+    way: Floats                  # (3,) unit vector from one to the other
     slack: float                 # m, length less distance
 
 
-def span_of(mesh: Discretization, gripper: Pose, far_end: FarEnd) -> Span | None:
-    """Return the Span of a DLO in its grips; None where it is not nearly taut, or out of reach."""
-    away = far_end.pose.position - gripper.position
-    length, distance = float(mesh.s[-1]), sqrt(away @ away)
+def span_of(mesh: Discretization, part: Stretch) -> Span | None:
+    """Return the Span of a Stretch; None where it is not nearly taut, or out of reach."""
+    away, lengths = part.end - part.begin, part.lengths
+    length, distance = float(part.s[-1]), sqrt(away @ away)
     slack = length - distance
-    if far_end.grip == 'sleeve' or not _SURELY * length < slack < _SLACK * length:
+    if part.slides or not _SURELY * length < slack < _SLACK * length:
         return None
     way = away / distance
-    stiff = [float(mesh.free.stiffness[end, 1:].mean()) for end in (0, -1)]
+    stiff = [float(mesh.free.stiffness[end, 1:].mean()) for end in (part.first, part.last - 1)]
     angles = [0.0 if tangent is None else acos(max(-1.0, min(1.0, float(way @ tangent))))
-              for tangent in _clamps(mesh, gripper, far_end)]
+              for tangent in part.tangents]
     parts = [2 * sqrt(one) * (1 - cos(angle / 2))
              for one, angle in zip(stiff, angles, strict=True)]
-    across = _pulls(mesh)
+    across = _pulls(mesh, part)
     across = across - np.outer(across @ way, way)
-    sag = 0.5 * float(mesh.free.lengths @ (across * across).sum(axis=1))
+    sag = 0.5 * float(lengths @ (across * across).sum(axis=1))
     tension = _tension(sag, sum(parts), slack)
     if not tension * length**2 > _TAUT**2 * max(stiff):
         return None
     bends = [sqrt(one / tension) if angle else np.inf
              for one, angle in zip(stiff, angles, strict=True)]
     return Span(tension, (bends[0], bends[1]), way, slack)
+
+
+def is_taut(mesh: Discretization, gripper: Pose, holds: Holds) -> bool:
+    """Whether any part of a DLO between two grips is nearly taut."""
+    return any(span_of(mesh, part) is not None for part in stretches(mesh, gripper, holds))
 
 
 def _tension(sag: float, bend: float, slack: float) -> float:
@@ -79,48 +133,56 @@ def _tension(sag: float, bend: float, slack: float) -> float:
     return result
 
 
-def _clamps(mesh: Discretization, gripper: Pose, far_end: FarEnd) -> list[Floats | None]:
-    """Return the tangents (3,) at both ends; None where it is free to turn."""
-    return [None if mesh.surroundings.pinned else gripper.rotation[:, 0],
-            None if far_end.grip == 'pinned' else far_end.pose.rotation[:, 0]]
-
-
-def _pulls(mesh: Discretization) -> Floats:
-    """Return (N, 3) the force in each element, N, less its mean: what dead loads make of it."""
-    beyond = -np.cumsum(mesh.free.load.pull[:0:-1], axis=0)[::-1]
-    pulls: Floats = beyond - mesh.free.lengths @ beyond / mesh.s[-1]
+def _pulls(mesh: Discretization, part: Stretch) -> Floats:
+    """Return (n, 3) the force in each element, N, less its mean: what dead loads make of it."""
+    beyond = -np.cumsum(mesh.free.load.pull[part.last:part.first:-1], axis=0)[::-1]
+    pulls: Floats = beyond - part.lengths @ beyond / part.s[-1]
     return pulls
 
 
-def bent_mesh(mesh: Discretization, gripper: Pose, far_end: FarEnd,
-              basis: str) -> Discretization:
+def bent_mesh(mesh: Discretization, gripper: Pose, holds: Holds, basis: str) -> Discretization:
     """Return a Discretization whose elements can bend as they have to next to clamps; or `mesh`."""
-    span = span_of(mesh, gripper, far_end)
-    if span is None:
+    parts = stretches(mesh, gripper, holds)
+    nodes = [_bent_nodes(mesh, part) for part in parts]
+    if all(one is None for one in nodes):
         return mesh
-    s, length = mesh.s, mesh.s[-1]
+    s = np.concatenate([
+        *(mesh.s[part.first:part.last] if one is None else mesh.s[part.first] + one[:-1]
+          for part, one in zip(parts, nodes, strict=True)), mesh.s[parts[-1].last:]])
+    breaks = np.union1d(mesh.surroundings.breaks, places_of(holds))
+    return Discretization(mesh.surroundings, with_breaks(s, breaks), basis, mesh.n_terms)
+
+
+def _bent_nodes(mesh: Discretization, part: Stretch) -> Floats | None:
+    """Return nodes of a Stretch, from 0 on, that follow its bends; None if they do already."""
+    span = span_of(mesh, part)
+    if span is None:
+        return None
+    s = part.s
+    length = s[-1]
     begin, end = (_from_clamp(bend, h) for bend, h in
                   zip(span.bends, (s[1], length - s[-2]), strict=True))
     if begin.size + end.size == 2:
-        return mesh
+        return None
+    begin, end = (one[one < 0.5 * length] for one in (begin, end))  # of a short one they may meet
     inner = s[(s > begin[-1] + _APART * s[1] * (begin.size > 1))
               & (s < length - end[-1] - _APART * (length - s[-2]) * (end.size > 1))]
-    s = np.concatenate([begin, inner[(inner > 0) & (inner < length)], length - end[::-1]])
-    return Discretization(mesh.surroundings, with_breaks(s, mesh.surroundings.breaks), basis,
-                          mesh.n_terms)
+    return np.concatenate([begin, inner[(inner > 0) & (inner < length)], length - end[::-1]])
 
 
-def coarseness(mesh: Discretization, gripper: Pose, far_end: FarEnd) -> str:
+def coarseness(mesh: Discretization, gripper: Pose, holds: Holds) -> str:
     """Return in words that elements are too long to bend as they have to next to clamps, or ''."""
-    span = span_of(mesh, gripper, far_end)
-    if span is None:
-        return ''
-    ends = zip(('gripper', 'far end'), span.bends, mesh.free.lengths[[0, -1]], strict=True)
-    coarse = [(longest, bend, where) for where, bend, longest in ends if longest > _ROUGH * bend]
+    coarse = []
+    for part in stretches(mesh, gripper, holds):
+        span, lengths = span_of(mesh, part), part.lengths
+        if span is not None:
+            coarse += [(longest, bend, where, span.slack) for where, bend, longest in
+                       zip(part.names, span.bends, lengths[[0, -1]], strict=True)
+                       if longest > _ROUGH * bend]
     if not coarse:
         return ''
-    longest, bend, where = max(coarse, key=lambda one: one[0] / one[1])
-    return (f'the mesh is too coarse for a slack of {span.slack:.3g} m: the DLO bends within '
+    longest, bend, where, slack = max(coarse, key=lambda one: one[0] / one[1])
+    return (f'the mesh is too coarse for a slack of {slack:.3g} m: the DLO bends within '
             f'{bend:.2g} m of the {where}, where an element is {longest:.2g} m long; give an '
             'accuracy instead of n_elements, which grades the mesh, or '
             f'{int(mesh.s[-1] / (_ELEMENT * bend)) + 1} elements')
@@ -135,17 +197,19 @@ def _from_clamp(bend: float, longest: float) -> Floats:
     return np.array(nodes)
 
 
-def first_shape(mesh: Discretization, gripper: Pose, far_end: FarEnd,
+def first_shape(mesh: Discretization, gripper: Pose, far_end: Hold,
                 memory: Memory) -> tuple[Pose, Floats, Memory, bool] | None:
     """Return gripper, strains (N, 3) and the past of a DLO near its shape; None if not nearly taut.
 
-    The gripper is turned to its beginning if that is pinned. The past has the forces of the far
-    end's grip. All torsion is that which the clamps need, as near to the natural one as they allow.
+    The tip alone is held beside the gripper, which is turned to its beginning if that is pinned.
+    The past has the forces of the tip's grip. All torsion is that which the clamps need, as near to
+    the natural one as they allow.
     """
-    span = span_of(mesh, gripper, far_end)
+    part, = stretches(mesh, gripper, (far_end,))
+    span = span_of(mesh, part)
     if span is None:
         return None
-    string = _String(mesh, gripper, far_end, span)
+    string = _String(mesh, part, span)
     force = string.force()
     if force is None:
         return None
@@ -175,12 +239,11 @@ def first_shape(mesh: Discretization, gripper: Pose, far_end: FarEnd,
 class _String:
     """Tangents of a string under dead loads, that turns into its clamps, by its mean force."""
 
-    def __init__(self, mesh: Discretization, gripper: Pose, far_end: FarEnd, span: Span) -> None:
-        self.pulls, self._span, self._length = _pulls(mesh), span, float(mesh.s[-1])
+    def __init__(self, mesh: Discretization, part: Stretch, span: Span) -> None:
+        self.pulls, self._span, self._length = _pulls(mesh, part), span, float(mesh.s[-1])
         self._middles = 0.5 * (mesh.s[1:] + mesh.s[:-1])
         self._stiffness = mesh.free.stiffness[:, 1:].mean(axis=1)
-        self._clamps = _clamps(mesh, gripper, far_end)
-        self._away = far_end.pose.position - gripper.position
+        self._clamps, self._away = part.tangents, part.end - part.begin
         ends = [_spread(bend, self._length) for bend in span.bends]
         s = np.concatenate([ends[0], self._length - ends[1][-2::-1]])
         self._points = np.sort(np.append(s, 0.5 * (s[1:] + s[:-1])))

@@ -20,7 +20,7 @@ from dlo_planner.energy.gap import (
     sliding,
     taper,
 )
-from dlo_planner.energy.grip import holds
+from dlo_planner.energy.grip import holds_node
 from dlo_planner.energy.scene import AXIS, NODE_FACE, Scene, is_convex, signed_distance
 from dlo_planner.geometry.kinematics import clear_point, point_inside, sort_points, spring_at
 from dlo_planner.geometry.record import Record
@@ -121,8 +121,9 @@ def roundoff(effect, system, state, length):
     for c in range(attached.element.size):
         for i in range(3):
             touching |= attached.force[c, i] != 0.0
-    for k in range(attached.sprung.size - holds(system.effects.hold)):  # a grip holds the last one
-        touching |= attached.sprung[k]
+    for k in range(attached.sprung.size):
+        if attached.sprung[k] and not holds_node(system.effects.hold, k):  # (that springs it, too)
+            touching = True
     if not touching:
         return 0.0
     far = np.sqrt(np.sum(effect.scene.origin**2))

@@ -13,7 +13,7 @@ the last three); what it has is called below, by its own name:
     may_forbid(effect)                      whether it ever does
     may_act(effect, system, strains, positions, before)  whether it would have a say in a step of a
                                             DLO found without it, see `direct.statics`
-    constraint_jacobian(effect, rotation, position, out)  what it holds of the far end
+    constraint_jacobian(effect, state, out) what it holds of nodes
     stored(effect, system, strains)         energy that it stores in the DLO, J
     potential(effect, system, positions)    its potential where the nodes are in the world, J
     needs(effect)                           dict: what the solver has to provide, see `Structure`
@@ -72,7 +72,7 @@ class Terms(Record):
     plastic: Any  # Layers or None: numba compiles for each of them
     load: Load
     anchor: Any  # Anchor or None
-    hold: Any  # Hold or None
+    hold: Any  # HoldRows or None
     contact: Any  # Contact or None
 
 
@@ -138,9 +138,9 @@ def may_act(effects, system, strains, positions, before):
 
 
 @kernel
-def constraint_jacobian(effects, rotation, position, out):
-    """Fill out (K, 6): what is held of the free end."""
-    grip_rows(effects.hold, rotation, position, out)
+def constraint_jacobian(effects, state, out):
+    """Fill out (K, 6): what is held of nodes, by a twist of all."""
+    grip_rows(effects.hold, state, out)
 
 
 @kernel

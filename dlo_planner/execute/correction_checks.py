@@ -126,7 +126,7 @@ def looked_at(plan: Plan) -> Ints:
 
     It is of a DLO that hangs freely: where it comes into a bore, or touches something, it is known.
     """
-    passing = np.flatnonzero([bool(passes) and shape.far_end is None and not shape.contacts
+    passing = np.flatnonzero([bool(passes) and not shape.holds and not shape.contacts
                               for passes, shape in zip(plan.via_points, plan.shapes, strict=True)])
     some = np.linspace(0, passing.size - 1, min(_WAYPOINTS, passing.size)).astype(int)
     chosen: Ints = passing[np.unique(some)]

@@ -398,7 +398,7 @@ def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float | None, l
     most = task.room_at_rest if most is None else most
     whole = concatenate(replace(way, stops=()), through)
     commanded = commanded_of(task.estimated(through), estimate)
-    there = [shape for shape in whole.shapes if shape.far_end is None and not shape.contacts][-1]
+    there = [shape for shape in whole.shapes if not (shape.holds or shape.contacts)][-1]
 
     def bound_in(way: Steered, lag: float = lag) -> float:
         reached = way.reached(whole.times[-len(through):])

@@ -20,8 +20,8 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.identify.observation import Observation
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.supports import FarEnd
 
 _BINS = 8        # of the length: points in one are one, so that their noise bends the curve little
 _BESIDE = 0.02   # of the length: points so near to a grip, whose place is known, do not count

@@ -221,7 +221,7 @@ class _Aim:
         for shape in plan.shapes:
             s = shape.s[-1] / length - 1
             if shape.state.mesh is None or shape.parts is not None or s > _OTHER or (
-                    s < -_OTHER and shape.far_end is None):
+                    s < -_OTHER and not shape.holds):
                 raise InvalidTask('plan: expected shapes of the DLO that is estimated')
 
     def shape(self, index: int, guess: Shape) -> Shape | None:
@@ -246,7 +246,7 @@ class _Aim:
 
     def _oblique(self, index: int) -> bool:
         """Return whether a waypoint passes one cut-out obliquely, in a direction of its own."""
-        return (len(self._plan.via_points[index]) == 1 and self._plan.shapes[index].far_end is None
+        return (len(self._plan.via_points[index]) == 1 and not self._plan.shapes[index].holds
                 and bool(self._plan.misalignment[index] > OBLIQUE))
 
     def _goals(self, index: int) -> tuple[GoalTable, Floats]:
@@ -329,7 +329,7 @@ class _Aim:
     def miss(self, passing: list[int], shapes: dict[int, Shape] | None = None) -> PredictedMiss:
         """Return the PredictedMiss at some of the waypoints; nan of one in a bore or in contact."""
         waypoints = thinned(np.array(passing, dtype=int), _LOOKED_AT).tolist()
-        if all(self._plan.shapes[k].far_end is None and not self._plan.shapes[k].contacts
+        if all(not self._plan.shapes[k].holds and not self._plan.shapes[k].contacts
                for k in waypoints):
             return miss_of(self.estimate, self._plan, waypoints,
                            None if shapes is None else [shapes[k] for k in waypoints])

@@ -17,8 +17,8 @@ from dlo_planner.direct.statics import between
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, direction, instance, items, number, row, shown, vector
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, put
 
 _ROUNDING = 1e-9  # of the duration
@@ -151,7 +151,7 @@ class ObservedMotion(Value):
 
     def _checked_ends(self, count: int) -> tuple[FarEnd, ...] | None:
         """Return the far ends as FarEnds of one grip, or None where it is free."""
-        ends = ends_of(self.far_ends, count)
+        ends = [FarEnd.of(end) for end in ends_of(self.far_ends, count)]
         grips = {None if end is None else end.grip for end in ends}
         if len(grips) > 1:
             raise InvalidTask(f'ObservedMotion.far_ends: expected one grip for all times, got '

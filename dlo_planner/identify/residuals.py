@@ -25,8 +25,8 @@ from dlo_planner.identify.branches import seen_starts
 from dlo_planner.identify.observation import Observation, ObservedMotion
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose, displaced
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.progress import Progress
 from dlo_planner.uncertainty.parameters import ParameterizedMesh, Unknowns
 

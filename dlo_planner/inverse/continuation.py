@@ -27,8 +27,8 @@ from dlo_planner.inverse.equilibria import Crossings, HangingShapes, crossings
 from dlo_planner.inverse.waypoint_newton import ORIGIN, Found, follow, free_axis, goal_shape
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose, turned_by
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import freeze
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_accuracy, refusal_for_leap
 from dlo_planner.plan.continuity import apart, excess, largest_turn, without_doubt

@@ -73,6 +73,9 @@ class PlanContext:
         if self.initial.far_end is not None:
             raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
                               'free, as it is in the plan')
+        if self.initial.holds:
+            raise InvalidTask(f'initial is held by {shown(self.initial.holds)}: expected a Shape '
+                              'that the gripper alone holds, as it is in the plan')
         return free if left is self.given else left.elastic().without_obstacles()
 
     @cached_property

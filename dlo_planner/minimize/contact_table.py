@@ -127,7 +127,7 @@ def kkt_residual(system: Problem, q: Floats) -> tuple[Configuration, float, Touc
     evaluate(system, state)
     contacts = system.effects.contact.contacts
     table = touching(system.effects.contact.scene, contacts, system.lengths, state)
-    violation = constraint_violation(system.effects.hold, state.rotations[-1], state.positions[-1])
+    violation = constraint_violation(system.effects.hold, state)
     for a in range(table.gap.size):
         if is_candidate(contacts, table, a):
             continue

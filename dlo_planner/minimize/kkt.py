@@ -10,6 +10,7 @@ is solved with answers H^-1 A^T, found one by one, and the inverse of A H^-1 A^T
 
 import numpy as np
 
+from dlo_planner.energy.grip import held_nodes
 from dlo_planner.energy.potential import project
 from dlo_planner.energy.terms import constraint_jacobian
 from dlo_planner.geometry.so3 import coefficients_in, columns_scaled, jacobians_with, matrix, times
@@ -22,14 +23,15 @@ _LARGE = 0.1    # of the largest entry left: a pivot above it spoils nothing
 
 @kernel
 def fill_border(system, state, hessian, border):
-    """Fill the derivatives of what is held of the far end by the unknowns."""
+    """Fill the derivatives of what is held of nodes by the unknowns."""
     if border is None:
         return
     n, held = system.lengths.size, border.rows.shape[0]
     if held == 0:
         return
     twists, values = np.empty((held, 6)), np.empty((held, n, 3))
-    constraint_jacobian(system.effects, state.rotations[n], state.positions[n], twists)
+    constraint_jacobian(system.effects, state, twists)
+    nodes = held_nodes(system.effects.hold, held)
     for e in range(n):
         h, u, x, scale = (system.lengths[e], state.strains[e], state.positions[e + 1],
                           system.scale[e])
@@ -38,6 +40,10 @@ def fill_border(system, state, hessian, border):
                                h * scale[1], h * scale[2])
         turned = matrix(hessian.twist_jacobian[e])
         for row in range(held):
+            if e >= nodes[row]:  # what lies beyond a node does not move it
+                for i in range(3):
+                    values[row, e, i] = 0.0
+                continue
             f0, f1, f2 = twists[row, 3], twists[row, 4], twists[row, 5]
             m0 = twists[row, 0] - x[1] * f2 + x[2] * f1  # about the end of the element
             m1 = twists[row, 1] - x[2] * f0 + x[0] * f2

@@ -20,7 +20,7 @@ would choose one as they grow from step to step. So its symmetry is broken, by l
 than those, to the side that `lanczos.reference_mode` states, from where the descent is first found
 to be unstable.
 
-With a held far end each step solves the equilibrium and the linearized grip together (sequential
+With other grips each step solves the equilibrium and the linearized grips together (sequential
 quadratic programming, ch. 18). It is judged by the augmented Lagrangian with the new reaction, of
 which it is a descent direction where the Hessian is positive on what the grip leaves free. Then:
 * far from its target the grip gives a little under the reaction (stabilized SQP, Wright 1998): so a
@@ -44,6 +44,7 @@ from dlo_planner.energy.grip import (
     constraint_value,
     constraint_violation,
     move_multipliers,
+    shortest_span,
 )
 from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.plastic import yields
@@ -122,12 +123,13 @@ _SETTLED = 1e-9      # of the decrement: the same, where inertia is stiff
 _NEXT = 0.05         # rad, of any node: what may follow from a step of a motion
 _NEXT_HELD = 0.3     # the same, of a step of two grips
 _SAME = 2e-5         # rad: a step that changes the Hessian of a held DLO by about as little
-_MISSED = 0.08       # of the length: a grip that is farther away has not moved a little
+_MISSED = 0.08       # of the span: a grip that is farther away has not moved a little
 # grips
-_GIVE = 1e-2         # of the length: how far a grip gives under the DLO's own forces, at most
-_FAR = 0.1           # of the length: so far from its target it gives as much
-_LEFT = 0.05         # of the length: a step that misses the grip by more is too long
-_ASTRAY = 3e-3       # of the length: a DLO that falls is brought back from there
+# (of a span: the shortest part of the DLO between two grips)
+_GIVE = 1e-2         # of the span: how far a grip gives under the DLO's own forces, at most
+_FAR = 0.1           # of the span: so far from its target it gives as much
+_LEFT = 0.05         # of the span: a step that misses the grip by more is too long
+_ASTRAY = 3e-3       # of the span: a DLO that falls is brought back from there
 _PROXIMAL = 1e-9     # least shift: what is neutral, as a round DLO that may spin, stays where it is
 _MOST_PROXIMAL = 1e-7  # the same, far from the equilibrium
 _ALIKE_STIFF = 1e-9  # stiffnesses that differ by less are the same
@@ -284,7 +286,7 @@ def minimize(system: Problem, q: Floats, options: Options,
 
 @kernel
 def is_held(system):
-    """Whether a far end's grip, or a hinge at the gripper, has a say."""
+    """Whether a grip beside the gripper, or a hinge at that, has a say."""
     return row_count(system.needs.border) > 0 or hinged(system)
 
 
@@ -299,12 +301,12 @@ def newton_descent(system: Problem, q: Floats, options: Options,
     state, trial, hessian, step = work.state, work.trial, work.hessian, work.step
     hold, border, miss, reaction = system.effects.hold, hessian.border, work.miss, work.reaction
     gtol, ctol, check = options.gtol, options.ctol, options.check
-    bend, length, held = bending_energy(system), np.sum(system.lengths), is_held(system)
-    last = system.lengths.size
+    bend, held = bending_energy(system), is_held(system)
+    length = shortest_span(hold, system.lengths)
     near, drawn = options.reach < np.inf, options.gauss_newton
     kinks = may_forbid(system.effects) and has_inertia(system.effects.anchor)
     turns = not near and (drawn or (held or options.falls) and _spins_freely(system))
-    most_give = _most_give(hold, system, bend) if held and not near else 0.0
+    most_give = _most_give(hold, system, bend, length) if held and not near else 0.0
     least = _PROXIMAL if held and not near else 0.0
     flush_subnormals(q, state.q)
     energy, noise = evaluate(system, state)
@@ -319,7 +321,7 @@ def newton_descent(system: Problem, q: Floats, options: Options,
         if is_to_end(worked, system, 1):
             iterations = options.maxiter
         # where is it? (1) is the end
-        missed = constraint_value(hold, state.rotations[last], state.positions[last], miss)
+        missed = constraint_value(hold, state, miss)
         residual = min(relative(state, bend), told)
         noisy = gradient_noise(system, state) if held else 0.0
         converged = missed <= ctol and residual < max(gtol, noisy)
@@ -399,7 +401,7 @@ def newton_descent(system: Problem, q: Floats, options: Options,
             move_multipliers(hold, 1.0, reaction)
             put_sum(state.q, 1.0, step, trial.q)
             evaluate(system, trial)
-            left = constraint_value(hold, trial.rotations[last], trial.positions[last], miss)
+            left = constraint_value(hold, trial, miss)
             contraction = (relative(trial, bend) + left / length) / (residual + missed / length)
             if contraction < _LESS and way < options.reach:
                 state, trial = trial, state
@@ -491,12 +493,12 @@ def _line_search(system, hessian, state, trial, step, energy, noise, slope, fart
         within_noise = abs(fraction * slope) < _UNTOLD * noise
         falls = new <= energy + 1e-4 * fraction * slope
         if held:
-            missed = constraint_violation(system.effects.hold, trial.rotations[-1],
-                                          trial.positions[-1])
+            missed = constraint_violation(system.effects.hold, trial)
             if slope == np.inf:
                 falls = True
             elif slope >= 0.0:
-                left = residual_of(system, trial) + missed / np.sum(system.lengths)
+                left = residual_of(system, trial) + missed / shortest_span(system.effects.hold,
+                                                                           system.lengths)
                 falls = left <= (1.0 - _NEARER * fraction) * error
             falls = missed <= farthest and (falls or within_noise)
         elif not falls and within_noise:
@@ -612,26 +614,34 @@ def _definite_without_forces(system, state, hessian):
 
 
 @kernel
-def _most_give(hold, system, bend):
+def _most_give(hold, system, bend, span):
     """Return by how much a grip that is far from its target gives way, m/N."""
     if hold is None:
         return 0.0
-    length = np.sum(system.lengths)
     forces = np.sum(np.abs(system.effects.load.pull))
     if not may_forbid(system.effects):  # (which push as well, deep inside them as much)
         forces += _tension(hold)  # what is taut would miss its grip if that gave under so much
-    return _GIVE * length**2 / (forces * length + bend)
+    stiff = bend * (np.sum(system.lengths) / span)
+    return _GIVE * span**2 / (forces * span + stiff)
 
 
 @kernel
 def _tension(hold):
-    """Return the reaction in N along the way from grip to grip; 0 where it presses."""
-    pull = square = 0.0
-    for i in range(3):
-        square += hold.target[i] * hold.target[i]
-        for row in range(hold.multiplier.size):
-            pull -= hold.multiplier[row] * hold.rows[row, 3 + i] * hold.target[i]
-    return max(pull, 0.0) / np.sqrt(square) if square > 0.0 else 0.0
+    """Return the largest pull in N along the ways from grip to grip; 0 where all press.
+
+    Between two grips pulls what all grips from there to the tip exert.
+    """
+    largest = 0.0
+    for a in range(hold.node.size):
+        pull = square = 0.0
+        for i in range(3):
+            way = hold.target[a, i] - hold.target[a - 1, i] if a > 0 else hold.target[a, i]
+            square += way * way
+            for row in range(hold.first[a], hold.multiplier.size):
+                pull -= hold.multiplier[row] * hold.rows[row, 3 + i] * way
+        if square > 0.0:
+            largest = max(largest, max(pull, 0.0) / np.sqrt(square))
+    return largest
 
 
 @kernel
@@ -712,11 +722,12 @@ def _height(system, state, trial, step, mode):
 @kernel
 def follow_homotopy(system: Problem, q: Floats, bases: Floats, targets: Floats, axes: Floats,
         rows: Floats) -> tuple[Floats, int]:
-    """Return unknowns (m, 3) where both grips have gone a way of n parts, and the parts gone.
+    """Return unknowns (m, 3) where all grips have gone a way of n parts, and the parts gone.
 
-    The Problem's multipliers are moved; `bases` of the gripper, the others of a GripConstraint.
+    The Problem's multipliers are moved; `bases` of the gripper, the others of HoldRows.
+    Shapes: bases (n, 3, 3), targets (n, A, 3), axes (n, A, 3, 3), rows (n, K, 6).
     """
-    length = np.sum(system.lengths)
+    length = shortest_span(system.effects.hold, system.lengths)
     options = thorough(_ROUGH, _ROUGH * length, _PER_PART, length < 0.0, length < 0.0)
     worked = np.zeros(1)
     for part in range(bases.shape[0]):

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.energy.contact import trial_traction
+from dlo_planner.energy.grip import put_misses_by_twist, put_sliding_force
 from dlo_planner.energy.potential import at_elements, evaluate, project, value_at
 from dlo_planner.energy.problem import (
     Configuration,
@@ -67,13 +68,49 @@ def gripper_answers(system: Problem, q: Floats) -> tuple[Configuration, Floats, 
     factorize(system, hessian, 0.0)
     answers = np.zeros((6, q.shape[0], 3))
     load = np.empty_like(q)
-    held, last = row_count(system.needs.border), system.lengths.size
+    held = row_count(system.needs.border)
     moved, reaction = np.empty((held, 6)), np.empty(held)  # the grip does not go with the gripper
-    constraint_jacobian(system.effects, state.rotations[last], state.positions[last], moved)
+    constraint_jacobian(system.effects, state, moved)
     for column in range(hessian.cross.shape[2]):
         project(system.basis, -hessian.cross[:, :, column], load)
         solve_held(system, hessian, load, moved[:, column].copy(), answers[column], reaction)
     return state, answers, hessian
+
+
+@kernel
+def _load_at(system, state, hessian, node, force):
+    """Return (m, 3) the derivatives by the unknowns of a force (3,) times the place of a node."""
+    last = np.full(1, node - 1)
+    return unit_loads(system, state, hessian, last, np.ones(1), np.zeros((1, 3)),
+                      force.reshape((1, 3)))[:, :, 0]
+
+
+@kernel
+def hold_answers(system: Problem, state: Configuration, hessian: Hessian) -> Floats:
+    """Return (6 A, m, 3) the change of the unknowns by the twist of each hold, others at rest.
+
+    Args:
+        hessian: of `system` at `state`, factorized
+    """
+    hold, held = system.effects.hold, row_count(system.needs.border)
+    moved, miss, reaction = np.empty((held, 6)), np.zeros(held), np.empty(held)
+    put_misses_by_twist(hold, state, moved)
+    load, answers = np.zeros_like(state.q), np.zeros((6 * hold.node.size, *state.q.shape))
+    turned, force = np.empty(3), np.empty(3)
+    for a in range(hold.node.size):
+        slides = put_sliding_force(hold, a, force)
+        for column in range(6):
+            for row in range(hold.first[a], hold.first[a + 1]):
+                miss[row] = moved[row, column]
+            load[:] = 0.0
+            if slides and column < 3:  # what a sleeve exerts across its axis turns with that
+                j, k = (column + 1) % 3, (column + 2) % 3
+                turned[column], turned[j], turned[k] = 0.0, -force[k], force[j]
+                load -= _load_at(system, state, hessian, hold.node[a], turned)
+            solve_held(system, hessian, load, miss, answers[6 * a + column], reaction)
+        for row in range(hold.first[a], hold.first[a + 1]):
+            miss[row] = 0.0
+    return answers
 
 
 @kernel
@@ -82,9 +119,10 @@ def node_twists(system: Problem, state: Configuration, answers: Floats, columns:
 
     Args:
         columns: of the gripper's twist, 3 where its displacement moves all alike, else 6; 4: its
-            turns, and a change of the strains while it rests
+            turns, and a change of the strains while it rests; -6: it rests, a hold moves
     """
     n, basis = system.lengths.size, system.basis
+    rests, columns = columns < 0, abs(columns)
     out = np.zeros((n + 1, 6, 6))
     parts = np.empty((n, 6, 3))
     lengths, strains, arcs, positions = system.lengths, state.strains, state.arcs, state.positions
@@ -93,7 +131,7 @@ def node_twists(system: Problem, state: Configuration, answers: Floats, columns:
         put_own_twist(h, h * strains[e, 0], h * strains[e, 1], h * strains[e, 2],
                       coefficients_in(arcs[e]), system.scale[e], state.rotations[e], parts[e])
     for i in range(6):
-        out[0, i, i] = 1.0 if i < 3 or columns != 4 else 0.0
+        out[0, i, i] = 1.0 if (i < 3 or columns != 4) and not rests else 0.0
     for column in range(columns):
         values = at_elements(basis, answers[column])
         for e in range(n):
@@ -152,10 +190,12 @@ def _carry_on(system: Problem, state: Configuration, answers: Floats, columns: i
 
 
 @kernel
-def add_slip(system: Problem, state: Configuration, hessian: Hessian, answers: Floats) -> None:
-    """Complete the `answers` (6, m, 3) to the gripper's twists by what slides: T follows mu N.
+def add_slip(system: Problem, state: Configuration, hessian: Hessian, answers: Floats,
+             carried: bool) -> None:
+    """Complete `answers` (k, m, 3) to twists by what slides: T follows mu N.
 
     Args:
+        carried: whether they are those of the gripper, with which all is carried along; k = 6
         hessian: of `system` at `state`, factorized; with the springs of friction alone, which know
             nothing of the forces that the limits depend on
     """
@@ -177,7 +217,8 @@ def add_slip(system: Problem, state: Configuration, hessian: Hessian, answers: F
     slides = slides[:size]
     element, fraction, response = (table.element[slides], table.fraction[slides],
                                    np.empty((size, *state.q.shape)))
-    matrix, change, load = np.eye(size), np.empty((6, size)), np.empty_like(state.q)
+    count = answers.shape[0]
+    matrix, change, load = np.eye(size), np.zeros((count, size)), np.empty_like(state.q)
     across = unit_loads(system, state, hessian, element, fraction, table.arm[slides],
                         table.normal[slides])
     along = unit_loads(system, state, hessian, element, fraction, np.zeros((size, 3)), trial)
@@ -190,17 +231,17 @@ def add_slip(system: Problem, state: Configuration, hessian: Hessian, answers: F
                      fraction[p], rotation, x)
         x += table.arm[a]
         normal = table.normal[a]
-        for i in range(3):
+        for i in range(3 if carried else 0):
             j, m = (i + 1) % 3, (i + 2) % 3
             change[i, p] = x[j] * normal[m] - x[m] * normal[j]  # turned with the gripper
             change[3 + i, p] = normal[i]
         matrix[:, p] -= k * dots(across, response[p])
-    for i in range(6):
+    for i in range(count):
         change[i] = -k * (change[i] + dots(across, answers[i]))
     order = np.empty(size, dtype=np.int64)
     if lu_factor(matrix, order) == 0:
         return
-    for i in range(6):
+    for i in range(count):
         lu_solve(matrix, order, change[i].reshape((size, 1)))
         for p in range(size):
             answers[i] -= change[i, p] * response[p]

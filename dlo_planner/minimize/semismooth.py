@@ -174,7 +174,7 @@ def complementarity_step(system, state, table, hessian, exchanges, softness, clo
     first, of, beside, axes = contact_axes(table)
     loads = unit_loads(system, state, hessian, table.element[of], table.fraction[of], beside, axes)
     miss = np.zeros_like(reaction)
-    constraint_value(system.effects.hold, state.rotations[-1], state.positions[-1], miss)
+    constraint_value(system.effects.hold, state, miss)
     miss *= closed
     put_scaled(-1.0, state.gradient, right)
     solve_held(system, hessian, right, miss, step, reaction)

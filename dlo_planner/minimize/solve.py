@@ -13,7 +13,7 @@ import numpy as np
 
 from dlo_planner.energy.contact import ContactSet, trial_traction
 from dlo_planner.energy.gap import penetration_of_point
-from dlo_planner.energy.grip import constraint_violation, put_wrench
+from dlo_planner.energy.grip import constraint_violation, put_wrenches
 from dlo_planner.energy.plastic import add_plastic, return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import (
@@ -64,7 +64,7 @@ class Solution(NamedTuple):
     frames: Floats
     positions: Floats  # (N + 1, 3), world, m
     wrench: Floats     # (6,) of the gripper on the DLO,
-    far_wrench: Floats  # and of the far end's grip
+    wrenches: Floats   # (A, 6) and of what else holds it
     hold: Floats       # (K,) N
     plastic: Floats
     forces: Any        # `forces_after`
@@ -72,7 +72,7 @@ class Solution(NamedTuple):
     elastic: float     # J, stored
     energy: float      # J
     lost: float        # J, to plastic deformation in the step
-    missed: float      # m, by the far end
+    missed: float      # m, by what is held
     inside: float      # m, how deep the gripper holds the axis in an obstacle
     stationary: bool   # the gradient vanishes, and no element is folded
     residual: float
@@ -87,7 +87,7 @@ class Solution(NamedTuple):
 def placed(system: Problem, base: Floats, origin: Floats, hold: Any, spring: float,
            plastic: Floats, node: Floats, element: Ints, obstacle: Ints, multiplier: Floats,
            fraction: Floats, anchor: Floats, normal: Floats, shear: Floats) -> Any:
-    """Return the same Problem in a gripper and a grip `hold`, with what a Memory has left."""
+    """Return the same Problem in a gripper and HoldRows `hold`, with what a Memory has left."""
     effects, needs = system.effects, system.needs
     held = replaced(
         system, 'base', base, 'origin', origin,
@@ -108,7 +108,7 @@ def with_set(plastic: Any, strain: Floats) -> Any:
 
 @kernel
 def _displaced(displaced: Any, hold: Any) -> Any:
-    """Whether displacements matter: by the springs of a grip, too; None for None."""
+    """Whether displacements matter: by the springs of holds, too; None for None."""
     if displaced is None or hold is None:
         return displaced
     return displaced or hold.multiplier.size > 0 and hold.stiffness > 0.0
@@ -296,14 +296,13 @@ def outcome(system: Problem, state: Configuration, origin: Floats, residual: flo
 
     Until a step has `ended`, friction counts from where it began.
     """
-    effects, positions, wrench, far_wrench = (
-        system.effects, np.empty_like(state.positions), np.empty(6), np.zeros(6))
+    effects, positions, wrench = system.effects, np.empty_like(state.positions), np.empty(6)
     elastic, energy = outputs(system, state, origin, positions, wrench)
-    hold, missed = _grip_after(effects.hold, state, far_wrench)
+    hold, wrenches, missed = _holds_after(effects.hold, state)
     plastic, lost, springs = _set_after(effects.plastic, system, state.strains)
     forces, contacts, inside = _contacts_after(effects.contact, system, state, origin, ended)
     # copies: what a Shape has is no array of a search
-    return (state.strains.copy(), state.rotations.copy(), positions, wrench, far_wrench, hold,
+    return (state.strains.copy(), state.rotations.copy(), positions, wrench, wrenches, hold,
             plastic, forces, contacts, elastic + springs, energy + springs, lost, missed, inside,
             is_stationary(system, state, residual, rounding)
             and not folded(system.lengths, state.strains, system.natural))
@@ -315,7 +314,7 @@ def is_equilibrium(stationary: bool, stability: float, bound: bool, violation: f
     """Whether a minimum is a stable or neutral equilibrium that keeps all constraints.
 
     `bound`: whether grips or contacts may bind it, which tells its stability less exactly; `kept`,
-    `reach`: by how much constraints may be violated, and the grip of the far end be missed, m.
+    `reach`: by how much constraints may be violated, and what is held be missed, m.
     """
     return (stationary and stability > -(HELD_NEUTRAL if bound else NEUTRAL)
             and violation <= kept and missed <= reach)
@@ -337,15 +336,16 @@ def outputs(system, state, origin, positions, wrench):
 
 
 @kernel
-def _grip_after(hold: Any, state: Configuration, wrench: Floats) -> Any:
-    """Return the forces (K,) of the far end's grip, its miss in m; fill its wrench (6,)."""
+def _holds_after(hold: Any, state: Configuration) -> Any:
+    """Return the forces (K,) of holds, their wrenches (A, 6), their miss in m."""
     if hold is None:
-        return np.zeros(0), 0.0
-    forces = hold.multiplier.copy()  # what is returned is nobody else's
+        return np.zeros(0), np.empty((0, 6)), 0.0
+    # what is returned is nobody else's
+    forces, wrenches = hold.multiplier.copy(), np.empty((hold.node.size, 6))
     if forces.size == 0:
-        return forces, 0.0
-    put_wrench(hold, state.rotations[-1], state.positions[-1], wrench)
-    return forces, constraint_violation(hold, state.rotations[-1], state.positions[-1])
+        return forces, wrenches, 0.0
+    put_wrenches(hold, state, wrenches)
+    return forces, wrenches, constraint_violation(hold, state)
 
 
 @kernel

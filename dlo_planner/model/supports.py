@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What surrounds a DLO: a grip of its far end, loads, obstacles, gravity."""
+"""What surrounds a DLO: loads, obstacles, gravity."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import sqrt
 from typing import TYPE_CHECKING, Any, Self, TypeAlias, get_args
 
 import numpy as np
@@ -16,99 +15,11 @@ from numpy.typing import ArrayLike
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, items, number, returned, vector
+from dlo_planner.model.holds import FarEnd  # noqa: F401  (where pickles of old look for it)
 from dlo_planner.model.obstacles import OBSTACLES, Mesh, Obstacle, Sheet
-from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, part_of_rod
 from dlo_planner.model.value import Value, put
 from dlo_planner.model.varying import Mapped, Profile, breaks_of, resolved
-
-# ------------------------------------------------------------------------------------------------
-# A second grip: how the free end may be held.
-
-
-GRIPS = ('clamped', 'pinned', 'sleeve', 'aligned')
-_SLACK = 1e-9  # of the length
-_SHARES = {'pinned': (0.0, 0.0, 0.0), 'aligned': (1.0, 0.0, 0.0)}
-_ALL = np.eye(6)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class FarEnd(Value):
-    """A second grip that holds the far end of a DLO.
-
-    Attributes
-    ----------
-    pose : Pose
-        Pose of the DLO's end frame (x axis = tangent); only its position counts if pinned.
-    grip : str
-        'clamped': position and orientation; 'pinned': position; 'sleeve': clamped, but free to
-        slide along the pose's x axis; 'aligned': position and tangent, free to turn about its
-        tangent.
-    """
-
-    pose: Pose
-    grip: str = 'clamped'
-
-    def __post_init__(self) -> None:
-        instance('FarEnd.pose', self.pose, Pose)
-        choice('FarEnd.grip', self.grip, GRIPS)
-        super().__post_init__()
-
-    @classmethod
-    def of(cls, value: FarEnd | Pose | ArrayLike | None) -> FarEnd | None:
-        """Return a FarEnd from one, a Pose (clamped), a position (3,) (pinned), or None."""
-        if value is None or isinstance(value, FarEnd):
-            return value
-        if isinstance(value, Pose):
-            return cls(value)
-        return cls(Pose(vector('far_end', value, 3), (0.0, 0.0, 0.0, 1.0)), 'pinned')
-
-    @property
-    def held(self) -> Floats:
-        """Unit vectors (K, 6) of rotation, then of displacement, that the grip does not allow."""
-        return held_rows(self.grip, self.pose.rotation)
-
-    @property
-    def share(self) -> Floats:
-        """Weights (3,) of the end's axes in its rotation; 0 for an axis that is free."""
-        return np.array(_SHARES.get(self.grip, (0.5, 0.5, 0.5)))
-
-
-def held_rows(grip: str, rotation: Floats) -> Floats:
-    """Return (K, 6) unit vectors of rotation, then of displacement, that a grip does not allow.
-
-    World axes. If the grip allows one about or along the pose's x axis, its y and z axes remain.
-
-    Shapes: rotation (3, 3).
-    """
-    if grip == 'clamped':
-        return _ALL.copy()
-    if grip == 'pinned':
-        return _ALL[3:].copy()
-    rows = np.zeros((5, 6))
-    if grip == 'aligned':
-        rows[:2, :3], rows[2:, 3:] = rotation.T[1:], _ALL[3:, 3:]
-    else:
-        rows[:3, :3], rows[3:, 3:] = _ALL[:3, :3], rotation.T[1:]
-    return rows
-
-
-def distance(far_end: FarEnd, gripper: Pose) -> float:
-    """Return the least distance in m that a DLO has to span from a gripper."""
-    away = far_end.pose.position - gripper.position
-    if far_end.grip == 'sleeve':  # it may slide to where this is shortest
-        away = away - (away @ far_end.pose.direction) * far_end.pose.direction
-    return sqrt(away @ away)
-
-
-def spans(distance: Any, length: float, loaded: bool) -> Any:
-    """Return whether a DLO of `length` (m) spans distances (m) with finite tension.
-
-    It hardly stretches: where less than 1e-9 of it is left to sag, its weight decides nothing
-    that could be computed. Without any load it may be just as long.
-    """
-    return distance < (1.0 - (_SLACK if loaded else -_SLACK)) * length
-
 
 # ------------------------------------------------------------------------------------------------
 # A dead load at one point of a DLO.

@@ -18,6 +18,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, shown
+from dlo_planner.model.holds import Hold, Holds, holds_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
@@ -34,7 +35,7 @@ _NO_CONTACTS = columns([], np.zeros(2))['contact_table']
 
 
 def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = None, *,  # noqa: A001
-        rods: Iterable[Rod] | None = None, chunk: int | None = None,
+        rods: Iterable[Rod] | None = None, holds: Iterable[Hold] = (), chunk: int | None = None,
         progress: OnProgress = None, deadline: float | None = None) -> Shapes | list[Shapes]:
     """Return the shapes at many gripper poses, found by the workers of an executor.
 
@@ -56,6 +57,8 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     rods : iterable of Rod, optional
         One rod for each Pose of `work`, which the gripper holds instead of the simulator's: the
         same bit for bit as `simulator.with_rod(rod).solve(pose)`. If None, the simulator's.
+    holds : iterable of Hold, optional
+        What holds all of them beside the gripper, at rest.
     chunk : int, optional
         Poses in one piece of work; the last pieces have fewer, about 16. If None, 64, or 128 of a
         DLO that hangs freely. A motion is one piece.
@@ -84,19 +87,22 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     grippers, chains = _poses(work)
     rods = None if rods is None else _rods(simulator, rods, grippers if chains is None else None)
     checked(executor)
-    quick = chains is None and simulator.mesh.hangs and has_free_loop(simulator)
+    held: Holds = ()
+    if not isinstance(holds, tuple) or holds:
+        held = holds_of(None, holds, simulator.rod.length)
+    quick = chains is None and not held and simulator.mesh.hangs and has_free_loop(simulator)
     chunk = (_QUICK if quick else _AT_ONCE) if chunk is None else integer(
         'chunk', chunk, minimum=1, maximum=_MOST)
     steps = Progress(progress, deadline)
     with Pool(executor, steps.check) as pool:
         if chains is None:
-            return _alone(simulator, grippers, rods, pool, chunk, steps)
-        return _followed(simulator, chains, pool, steps)
+            return _alone(simulator, grippers, rods, held, pool, chunk, steps)
+        return _followed(simulator, chains, held, pool, steps)
 
 
 def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
-               rods: Iterable[Rod] | None = None, progress: OnProgress = None,
-               deadline: float | None = None) -> Shapes:
+               rods: Iterable[Rod] | None = None, holds: Iterable[Hold] = (),
+               progress: OnProgress = None, deadline: float | None = None) -> Shapes:
     """Return the shapes at many gripper poses, or of many rods, each bit for bit as `solve` does.
 
     Shapes of DLOs that hang freely come from one compiled loop, also where their rods differ but
@@ -110,6 +116,8 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
     rods : iterable of Rod, optional
         Rods that the gripper holds, each instead of the simulator's, with as many elements: as
         `simulator.with_rod(rod).solve(gripper)` finds. If None, the simulator's own.
+    holds : iterable of Hold, optional
+        What holds all of them beside the gripper, at rest.
     progress : callable, optional
         Called as progress(done, total) now and then.
     deadline : float, optional
@@ -133,8 +141,12 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
                           f'{len(rods)} rods, or one for all')
     instance('simulator', simulator, DirectSimulator)
     # one loop fills the arrays of all, where nothing is long
-    chunk = _LOOP if simulator.mesh.hangs and has_free_loop(simulator) else _AT_ONCE
-    shapes = map(simulator, grippers, rods=rods, chunk=chunk, progress=progress, deadline=deadline)
+    held: Holds = ()
+    if not isinstance(holds, tuple) or holds:
+        held = holds_of(None, holds, simulator.rod.length)
+    loop = not held and simulator.mesh.hangs and has_free_loop(simulator)
+    shapes = map(simulator, grippers, rods=rods, holds=held, chunk=_LOOP if loop else _AT_ONCE,
+                 progress=progress, deadline=deadline)
     assert isinstance(shapes, Shapes)  # there are no motions in it
     return shapes
 
@@ -168,19 +180,21 @@ def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...], list[tuple[Pose, ...]
 
 
 def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[Rod] | None,
-           pool: Pool, chunk: int, steps: Progress) -> Shapes:
+           holds: Holds, pool: Pool, chunk: int, steps: Progress) -> Shapes:
     """Return the Shapes at Poses, each by itself, of the simulator's rod or of one rod each."""
     parts, payload = list(_parts(len(grippers), chunk, pool.shares)), CachedPayload(simulator)
     positions, rotations = arrays_of(grippers)
     found = _computed((Piece(payload, positions[begin:end], rotations[begin:end], False,
-                             steps.left(), None if rods is None else tuple(rods[begin:end]))
+                             steps.left(), None if rods is None else tuple(rods[begin:end]),
+                             holds)
                        for begin, end in parts), [end - begin for begin, end in parts], pool, steps)
     s = simulator.mesh.s
     lengths = [] if rods is None else [rod.length for rod in rods]
     if any(length != s[-1] for length in lengths):
         nodes = [scaled_nodes(s, length) for length in lengths]
         s = nodes[0] if len(set(lengths)) == 1 else np.array(nodes)
-    return _shapes(simulator, grippers, stacked(found) if found else columns([], s), s)
+    none = columns([], s) | {'wrenches': np.zeros((0, len(holds), 6))}
+    return _shapes(simulator, grippers, stacked(found) if found else none, s, holds)
 
 
 def _parts(n: int, chunk: int, shared: bool) -> Iterator[tuple[int, int]]:
@@ -195,13 +209,13 @@ def _parts(n: int, chunk: int, shared: bool) -> Iterator[tuple[int, int]]:
         begin += most
 
 
-def _followed(simulator: DirectSimulator, motions: Sequence[Sequence[Pose]], pool: Pool,
-              steps: Progress) -> list[Shapes]:
+def _followed(simulator: DirectSimulator, motions: Sequence[Sequence[Pose]], holds: Holds,
+              pool: Pool, steps: Progress) -> list[Shapes]:
     """Return the Shapes of each motion."""
     payload = CachedPayload(simulator)
-    found = _computed((Piece(payload, *arrays_of(motion), True, steps.left())
+    found = _computed((Piece(payload, *arrays_of(motion), True, steps.left(), None, holds)
                        for motion in motions), [len(motion) for motion in motions], pool, steps)
-    return [_shapes(simulator, motion, rows, simulator.mesh.s)
+    return [_shapes(simulator, motion, rows, simulator.mesh.s, holds)
             for motion, rows in zip(motions, found, strict=True)]
 
 
@@ -219,12 +233,12 @@ def _computed(pieces: Iterable['Piece'], sizes: Sequence[int], pool: Pool,
 
 
 def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose], rows: Columns,
-            s: Floats) -> Shapes:
+            s: Floats, holds: Holds) -> Shapes:
     if simulator.surroundings.pinned:
         grippers = [Pose.from_rotation(gripper.position, np.array(frames[0]))
                     for gripper, frames in zip(grippers, rows['frames'], strict=True)]
     freeze(rows)  # all new: Shapes need not copy them
-    return Shapes(tuple(grippers), s, **rows)
+    return Shapes(tuple(grippers), s, holds=holds, **rows)
 
 
 # What workers do.
@@ -239,6 +253,7 @@ class Piece(NamedTuple):
     followed: bool            # one after the other; else each from the natural shape
     seconds: float | None     # of computing that are left
     rods: tuple[Rod, ...] | None = None  # the m rods that are held instead of the simulator's
+    holds: Holds = ()
 
 
 def arrays_of(grippers: Sequence[Pose]) -> tuple[Floats, Floats]:
@@ -252,12 +267,12 @@ def columns_of(piece: Piece) -> Columns:
     simulator = piece.simulator.content
     if piece.rods is not None:
         return _each_rod(simulator, piece)
-    if not piece.followed and has_free_loop(simulator):
+    if not piece.followed and not piece.holds and has_free_loop(simulator):
         return _each_alone(simulator, piece)
     grippers = [_pose(*both) for both in zip(piece.positions, piece.rotations, strict=True)]
     steps = Progress(deadline=piece.seconds)
     shapes = [shape for motion in ([grippers] if piece.followed else [[one] for one in grippers])
-              for shape in simulator.track(motion, deadline=steps.left())]
+              for shape in simulator.track(motion, holds=piece.holds, deadline=steps.left())]
     return columns(shapes, simulator.mesh.s)
 
 
@@ -282,7 +297,8 @@ def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:
     rods, s = piece.rods or (), simulator.mesh.s
     n = len(rods)
     parts: dict[int, Columns] = {}
-    loop = np.array([k for k, rod in enumerate(rods) if even(simulator, rod)], dtype=np.int64)
+    loop = np.array([k for k, rod in enumerate(rods)
+                     if even(simulator, rod) and not piece.holds], dtype=np.int64)
     if loop.size:
         rows, good = free_rods(simulator, [rods[k] for k in loop],
                                piece.positions[loop], piece.rotations[loop])
@@ -294,7 +310,7 @@ def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:
                 parts[k] = {name: values[row:row + 1] for name, values in rows.items()}
     for k in (k for k in range(n) if k not in parts):
         one = simulator.with_rod(rods[k])
-        shape = one.solve(_pose(piece.positions[k], piece.rotations[k]))
+        shape = one.solve(_pose(piece.positions[k], piece.rotations[k]), holds=piece.holds)
         parts[k] = columns([shape], scaled_nodes(s, rods[k].length))
     return stacked([parts[k] for k in range(n)])
 

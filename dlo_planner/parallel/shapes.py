@@ -14,8 +14,9 @@ from dlo_planner.direct.shape import Contact, Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import array, items, results, row, shown
+from dlo_planner.model.holds import Holds, holds_of
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import brief, put
+from dlo_planner.model.value import brief, put, same
 from dlo_planner.pictured import Answer
 
 _FIGURES = ('energy', 'elastic_energy', 'dissipated', 'residual', 'stability', 'violation')
@@ -59,6 +60,10 @@ class Shapes(Answer):
     contact_table : ndarray, shape (m, 14)
         All contacts by shape and s: index of the shape, then obstacle, s, position, normal, force,
         friction, penetration as in `Contact`.
+    holds : tuple
+        The A Holds beside the gripper, the same of all shapes.
+    wrenches : ndarray, shape (n, A, 6)
+        N and N m, of each of them.
 
     Raises
     ------
@@ -82,6 +87,8 @@ class Shapes(Answer):
     converged: Floats
     jumped: Floats
     contact_table: Floats = ()  # type: ignore[assignment]
+    holds: Holds = ()
+    wrenches: Floats | None = None
 
     def __post_init__(self) -> None:
         grippers = items('Shapes.grippers', self.grippers, Pose)
@@ -91,9 +98,15 @@ class Shapes(Answer):
         sizes = {'positions': (nodes, 3), 'frames': (nodes, 3, 3),
                  'element_strains': (nodes - 1, 3), 'gripper_wrench': (6,),
                  **{name: () for name in _FIGURES}}
+        holds, wrenches = self.holds, self.wrenches
+        if not isinstance(holds, tuple) or holds:
+            holds = holds_of(None, holds, s[..., -1].min(initial=np.inf), 'Shapes.holds')
+        if not holds and (wrenches is None or not np.size(wrenches)):  # lists of files are flatter
+            wrenches = np.zeros((n, 0, 6))
         contacts = self.contact_table if _length(self.contact_table) else np.zeros((0, _CONTACT))
         put(self, grippers=grippers, s=s,
-            iterations=self._counts(n),
+            iterations=self._counts(n), holds=holds,
+            wrenches=results('Shapes.wrenches', wrenches, (n, len(holds), 6)),
             contact_table=results('Shapes.contact_table', contacts, (None, _CONTACT)),
             **{name: results(f'Shapes.{name}', getattr(self, name), (n, *size))
                for name, size in sizes.items()},
@@ -152,7 +165,14 @@ class Shapes(Answer):
             **{name: bool(getattr(self, name)[k]) for name in _FLAGS}}
         s = self.s if self.s.ndim == 1 else self.s[k]
         return Shape(self.grippers[k], s, contacts=tuple(map(_contact, contacts)),
-                     iterations=int(self.iterations[k]), **named)
+                     iterations=int(self.iterations[k]), holds=self.holds,
+                     wrenches=self._wrenches[k], **named)
+
+    @property
+    def _wrenches(self) -> Floats:
+        """(n, A, 6) `wrenches`, which are there once it is made."""
+        assert self.wrenches is not None
+        return self.wrenches
 
     @property
     def tangents(self) -> Floats:
@@ -161,7 +181,7 @@ class Shapes(Answer):
 
     @classmethod
     def of(cls, shapes: Iterable[Shape], s: Floats | None = None) -> 'Shapes':
-        """Return the Shapes of one DLO, given one by one, whose far ends are free.
+        """Return the Shapes of one DLO, given one by one, all in the same holds.
 
         Parameters
         ----------
@@ -173,18 +193,22 @@ class Shapes(Answer):
         Raises
         ------
         InvalidTask
-            There is none, a far end is held, or lengths differ.
+            There is none, a DLO is grasped inside, or holds or lengths differ.
         """
         shapes = items('shapes', shapes, Shape, least=1)
         s = shapes[0].s if s is None else row('s', s, least=2, minimum=0)
         for k, shape in enumerate(shapes):
-            if shape.far_end is not None or shape.parts is not None:
-                raise InvalidTask(f'shapes[{k}] = {shape!r}: expected a DLO that only the gripper '
-                                  'holds, at its beginning')
+            if shape.parts is not None:
+                raise InvalidTask(f'shapes[{k}] = {shape!r}: expected a DLO that the gripper holds '
+                                  'at its beginning')
+            if not same(shape.holds, shapes[0].holds):
+                raise InvalidTask(f'shapes[{k}] = {shape!r}: expected the holds of the first, '
+                                  f'{shown(shapes[0].holds)}')
             if abs(shape.s[-1] - s[-1]) > _SAME * s[-1]:
                 raise InvalidTask(f'shapes[{k}] = {shape!r}: expected the length of s, '
                                   f'{s[-1]:g} m')
-        return cls(tuple(shape.gripper for shape in shapes), s, **columns(shapes, s))
+        return cls(tuple(shape.gripper for shape in shapes), s, holds=shapes[0].holds,
+                   **columns(shapes, s))
 
     @classmethod
     def joined(cls, parts: Iterable['Shapes']) -> 'Shapes':
@@ -200,16 +224,18 @@ class Shapes(Answer):
         for k, part in enumerate(parts):
             if part.s.shape[-1] != s.shape[-1] or not (each or np.array_equal(part.s, s)):
                 raise InvalidTask(f'parts[{k}] = {part!r}: expected the nodes of the first')
+            if not same(part.holds, parts[0].holds):
+                raise InvalidTask(f'parts[{k}] = {part!r}: expected the holds of the first')
         if each:
             s = np.concatenate([np.broadcast_to(part.s, (len(part), part.s.shape[-1]))
                                 for part in parts])
         return cls(tuple(gripper for part in parts for gripper in part.grippers), s,
-                   **stacked([{name: getattr(part, name) for name in (
+                   holds=parts[0].holds, **stacked([{name: getattr(part, name) for name in (
                        *_PER_SHAPE, 'contact_table')} for part in parts]))
 
 
 _PER_SHAPE = tuple(item.name for item in fields(Shapes)
-                   if item.name not in ('grippers', 's', 'contact_table'))
+                   if item.name not in ('grippers', 's', 'contact_table', 'holds'))
 _SAME = 1e-9  # of the length
 
 
@@ -227,6 +253,8 @@ def columns(shapes: Sequence[Shape], s: Floats) -> Columns:
             **{name: np.array([getattr(shape, name) for shape in shapes], dtype=bool)
                for name in _FLAGS},
             'iterations': np.array([shape.iterations for shape in shapes], dtype=int),
+            'wrenches': (np.array([shape.wrenches for shape in shapes]) if n
+                         else np.zeros((0, 0, 6))),
             'contact_table': np.array(table, dtype=float).reshape(-1, _CONTACT)}
 
 

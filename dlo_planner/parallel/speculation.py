@@ -164,7 +164,7 @@ def track_ahead(simulator: DirectSimulator, rounds: Rounds, grippers: tuple[Pose
     plain = simulator.accuracy is None and simulator.strains == 'components'
     for place, gripper in enumerate(grippers):
         if before is not None and plain and made_by(simulator, before) and (
-                before.far_end is None and before.parts is None):
+                not before.holds and before.parts is None):
             shape = _track_step(simulator, rounds, grippers, place, before, steps)
         else:
             shape, = simulator.track([gripper], initial=before, deadline=steps.left())

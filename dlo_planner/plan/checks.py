@@ -168,7 +168,7 @@ class Judge:
                                            self.wrench_limits, (slice(3), slice(3, 6)),
                                            strict=True):
             if limit is not None:
-                wrenches = [shape.gripper_wrench, *([shape.far_wrench] if shape.far_end else [])]
+                wrenches = [shape.gripper_wrench, *shape.wrenches]
                 most = max(float(np.linalg.norm(wrench[part])) for wrench in wrenches)
                 yield Margin(name, limit - most, f'a grip would exert {{found:.3g}} {unit}, at '
                              f'most {name} = {{limit:g}} {unit} is allowed', most, limit, unit)

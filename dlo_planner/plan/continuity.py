@@ -15,8 +15,8 @@ from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.holds import Holds
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.model.supports import FarEnd
 
 _Number = TypeVar('_Number', float, Floats)
 _QUIET = 0.1   # rad: a change of shape, besides the gripper's turn, that needs no second look
@@ -84,14 +84,14 @@ def passes_itself(simulator: Simulator | None, before: Shape, shape: Shape) -> b
         return False
     if simulator is None or any(one.s[-1] != simulator.rod.length for one in (before, shape)):
         return True
-    reached = followed(simulator, before, shape.gripper, shape.far_end)
+    reached = followed(simulator, before, shape.gripper, shape.holds)
     return not (reached.converged and reached.passed_itself is False)
 
 
-def followed(simulator: Simulator, before: Shape, gripper: Pose, far_end: FarEnd | None) -> Shape:
+def followed(simulator: Simulator, before: Shape, gripper: Pose, holds: Holds) -> Shape:
     """Return the Shape in which a DLO follows its grips from the Shape before."""
     if isinstance(simulator, DirectSimulator):
-        return simulator.track([gripper], initial=before, far_ends=[far_end])[0]
+        return simulator.track([gripper], initial=before, holds=holds)[0]
     return simulator.track([gripper], initial=before)[0]
 
 

@@ -101,7 +101,7 @@ def least_margin(uncertainty: Uncertainty | None, shape: Shape, arcs: Sequence[f
     mesh = shape.state.mesh
     sized = [(s, float(min(rooms))) for s, rooms in zip(arcs, clearances, strict=False)
              if min(rooms) < np.inf]
-    if not sized or mesh is None or shape.contacts or shape.far_end is not None:
+    if not sized or mesh is None or shape.contacts or shape.holds:
         return np.nan
     misses = expected_misses(uncertain_state(mesh.surroundings, uncertainty), shape,
                              np.array([s for s, _ in sized]))

@@ -152,7 +152,7 @@ class _Sweep:
         u = 0.5 * (one.u + other.u)
         (position,), (rotation,) = leg.poses(np.array([u]))
         shape = followed(self._simulator, one.shape, Pose.from_rotation(position, rotation),
-                         one.shape.far_end)
+                         one.shape.holds)
         if shape.converged and not shape.jumped:
             return _look(self._bodies, u, shape, self._bodies.exact(shape)), None
         away = float(np.linalg.norm(shape.positions[-1] - one.shape.positions[-1]))

@@ -18,8 +18,8 @@ from std_srvs.srv import Trigger
 from dlo_planner.direct.shape import Shape
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Feedback
+from dlo_planner.model.holds import GRIPS, FarEnd
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.supports import GRIPS, FarEnd
 from dlo_planner.progress import Latest
 from dlo_planner.ros.inputs import inside_of, pose_in
 from dlo_planner.ros.lifecycle import LATCHED

@@ -17,9 +17,9 @@ from dlo_planner.execute.guards import Guards
 from dlo_planner.identify.estimator import EstimatorConfig
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.checks import choice
+from dlo_planner.model.holds import GRIPS
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.supports import GRIPS
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.scene import Scene as CellScene

@@ -18,8 +18,8 @@ from dlo_planner.execute.execution import EXACT, Execution, blend_from_current_p
 from dlo_planner.execute.guards import Enabled, Feedback
 from dlo_planner.execute.limiter import used
 from dlo_planner.inverse.task import Task
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.scene import Scene
 from dlo_planner.trajectory.timed_path import TimedPath

@@ -23,9 +23,9 @@ from dlo_planner.identify.observation import Observation
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, choice, did_you_mean, known_keys, shown
 from dlo_planner.model.files import readable, text_of
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.plain_poses import pose_of
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.triangles import UNITS
 from dlo_planner.settings.yaml_files import read_yaml
 

@@ -151,7 +151,7 @@ class CalmSearch:
     def _first(self) -> Shape:
         """The Shape at the beginning, in equilibrium."""
         begin = self.begin
-        if begin.far_end is not None:
+        if begin.holds:
             return begin
         return self._free.solve(begin.gripper, begin)
 

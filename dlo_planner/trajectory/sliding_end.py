@@ -28,9 +28,10 @@ from dlo_planner.direct.statics import between, equilibrium
 from dlo_planner.direct.stepper import Stepper, TimePoint
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, before, part_of_rod
-from dlo_planner.model.supports import FarEnd, PointLoad
+from dlo_planner.model.supports import PointLoad
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import Progress
 
@@ -162,7 +163,7 @@ def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None
         if k == 0 and velocity is None:
             strains = mesh.strains_from(start.s, start.element_strains)
             start = calm[-1] = shapes[-1] = equilibrium(mesh, grippers[0], strains,
-                                                        far_end=FarEnd(feed.mouth, 'sleeve'))
+                                                        holds=(FarEnd(feed.mouth, 'sleeve'),))
         stepper, begun = _begun(feed, mesh, _Later(guide, k), u[k:k + count + 1], start, velocity)
         plan = IntegrationOptions(count + 1, 'generalized_alpha', _TOLERANCE * mesh.s[-1])
         made = run(stepper, begun, plan, progress)
@@ -170,7 +171,7 @@ def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None
         for j, now in enumerate(reached[1:], start=1):
             place = feed.held(mesh, feed.depth(u[k + j]) - feed.depth(u[k]))
             still = equilibrium(mesh, now.shape.gripper, np.array(now.shape.element_strains),
-                                far_end=FarEnd(place, 'sleeve'))
+                                holds=(FarEnd(place, 'sleeve'),))
             shapes.append(now.shape)
             calm.append(still)
             forces.append(float(np.linalg.norm(now.shape.far_wrench[:3] + lifted * feed.up)))
@@ -215,16 +216,16 @@ def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Sh
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, start.s, one) for one in velocity.T])
     # where its end is by these elements: by others it is elsewhere, and would be torn to there
-    start = first_shape(mesh, guide.at(0), None, start, None)
+    start = first_shape(mesh, guide.at(0), (), start, None)
     end = Pose.from_rotation(*start.frame_at(float(start.s[-1]))[::-1])
     depths = np.array([feed.depth(one) for one in u])
     shares = np.linspace(0, 1, len(u))
     ends = [_aside(feed.held(mesh, behind), feed.mouth, end, 1 - share**2 * (3 - 2 * share))
             for behind, share in zip(depths - depths[0], shares, strict=True)]
-    dt = guide.guide.dt
-    grips = BoundaryMotion(guide, GripTrajectory(ends, dt, False), 'sleeve')  # type: ignore[arg-type]  # as a GripTrajectory
+    dt, held = guide.guide.dt, (FarEnd(end, 'sleeve'),)
+    grips = BoundaryMotion(guide, [GripTrajectory(ends, dt, False)], held)  # type: ignore[arg-type]  # as a GripTrajectory
     stepper = Stepper(mesh, grips, dt)
-    first = first_shape(mesh, guide.at(0), FarEnd(end, 'sleeve'), start, None)
+    first = first_shape(mesh, guide.at(0), held, start, None)
     return stepper, stepper.begin(first, velocity)
 
 

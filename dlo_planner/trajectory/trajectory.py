@@ -199,7 +199,7 @@ def _within_limits(plan: Plan, limits: Limits, progress: Progress) -> TimedPath:
 def _simulator(simulator: Simulator | None, plan: Plan) -> Simulator:
     """Return the simulator that verifies a Plan; raise InvalidTask if there is none."""
     first = plan.shapes[0]
-    if first.far_end is not None and held_after(plan) is None:
+    if first.holds and held_after(plan) is None:
         raise InvalidTask('plan: expected a DLO whose far end is free, or goes into a bore; with '
                           'an infinite tolerance nothing is simulated')
     length = float(first.s[-1]) + (0.0 if first.far_end is None else float(plan.depths[0]))

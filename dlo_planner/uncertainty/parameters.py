@@ -30,9 +30,9 @@ from dlo_planner.geometry.kinematics import part_of_element
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import choice, items, number, row
+from dlo_planner.model.holds import Holds
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, of_length
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, put
 from dlo_planner.model.varying import Along, Expanded, Mapped, Table, scaled
 
@@ -429,7 +429,7 @@ class ParameterizedMesh:
         """Return the Shape at x, `converged` or not: from `before`, followed to another gripper."""
         mesh = self.at(x)
 
-        def solved(gripper: Pose, initial: Shape | None, _far_end: FarEnd | None = None,
+        def solved(gripper: Pose, initial: Shape | None, _holds: Holds = (),
                    _most: float = np.inf) -> Shape:
             strains = mesh.natural if initial is None else initial.element_strains
             if initial is not None and len(strains) != mesh.s.size - 1:

@@ -179,9 +179,9 @@ class _Replay:
         """Return the shapes of the DLO that follows the plan slowly."""
         plan, simulator, initial = self.plan, self.simulator, self.initial
         if isinstance(simulator, DirectSimulator) and (
-                held_after(plan) is None and plan.shapes[0].far_end is not None):
+                held_after(plan) is None and plan.shapes[0].holds):
             return simulator.track(plan.grippers, self.progress.done, initial,
-                                   far_ends=[shape.far_end for shape in plan.shapes])
+                                   holds=[shape.holds for shape in plan.shapes])
         if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
             return _parts(simulator, plan, self.progress)
         if initial is None and plan.shapes[0].contacts:
@@ -275,14 +275,14 @@ def _parts(simulator: Simulator, plan: Plan, progress: Progress) -> list[Shape]:
         for back, shape in zip(backs, plan.shapes, strict=True):
             end = before(front.rod, shape.s[-1] - simulator.at)
             on = front.with_rod(end).solve(shape.gripper, simulator.parts_of(shape)[1],
-                                           far_end=shape.far_end)
+                                           holds=shape.holds)
             shapes.append(simulator.with_rod(followed_by(
                 simulator.rod, simulator.at, end)).joined(back, on))
             progress.done(len(shapes), len(plan))
         return shapes
     for shape in plan.shapes:
         part = simulator.with_rod(before(simulator.rod, shape.s[-1]))
-        shapes.append(part.solve(shape.gripper, shape, far_end=shape.far_end))
+        shapes.append(part.solve(shape.gripper, shape, holds=shape.holds))
         progress.done(len(shapes), len(plan))
     return shapes
 

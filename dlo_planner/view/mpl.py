@@ -383,4 +383,4 @@ class Stage:
 
 
 def _in_contact(plan: Plan) -> bool:
-    return means_to_touch(plan) and all(shape.far_end is None for shape in plan.shapes)
+    return means_to_touch(plan) and all(not shape.holds for shape in plan.shapes)

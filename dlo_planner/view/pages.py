@@ -51,7 +51,7 @@ class Replanner:
         if inverse is None and mesh is None:
             raise InvalidTask('plan: its shapes know no rod (they come from a file): expected '
                               '`inverse` to plan anew with')
-        if len(cutouts_of(plan)) != 1 or last.far_end is not None or last.parts is not None:
+        if len(cutouts_of(plan)) != 1 or last.holds or last.parts is not None:
             raise InvalidTask('plan: expected one through one cut-out, of a DLO that is held at '
                               'its beginning, where it is to be made anew')
         if inverse is None:

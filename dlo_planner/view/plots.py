@@ -22,7 +22,7 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import COLORINGS, GRAY, VERMILION, Coloring, coloring, viridis
 from dlo_planner.view.mpl import Frame, Stage, draw, matplotlib
 from dlo_planner.view.primitives import Primitive
-from dlo_planner.view.scene import contact_primitives, path_primitives
+from dlo_planner.view.scene import contact_primitives, hold_primitives, path_primitives
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,8 @@ def plot_shape(shape: Shape, ax: 'Axes | Frame | None' = None, color: str | None
     stage = Stage.of((shape,), obstacles)
     painted = coloring(shape, color)
     frame = Frame.of(ax, stage.points)
-    _show(frame, stage, [_line(0, shape, painted.colors), *contact_primitives(shape)],
+    _show(frame, stage, [_line(0, shape, painted.colors), *contact_primitives(shape),
+                         *hold_primitives(shape)],
           [shape.gripper])
     frame.color_bar(painted.top, painted.label)
     if shape.contacts:

@@ -13,6 +13,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.holds import FIXTURE
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane, Sheet, Solid
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, rooms_in_holes
@@ -41,9 +42,9 @@ _SAME = 1e-9                 # m
 
 
 def shape_primitives(shape: Shape, color: str = 'curvature') -> list[Primitive]:
-    """Return all that is seen of a Shape: the DLO, its contact forces, the gripper's axes."""
+    """Return all that is seen of a Shape: the DLO, contact forces, axes of grips, and holds."""
     return [*dlo_primitives(shape, color), *contact_primitives(shape),
-            *axes_primitives('gripper', shape.gripper)]
+            *axes_primitives('gripper', shape.gripper), *hold_primitives(shape)]
 
 
 def plan_primitives(plan: Plan, cutouts: Iterable[CutOut], ghosts: int = 6) -> list[Primitive]:
@@ -76,6 +77,27 @@ def contact_primitives(shape: Shape) -> list[Primitive]:
         drawn += [_arrow('contact', int(index), at, at + arrow, VERMILION),
                   _text('contact force', int(index), at + 1.2 * arrow, f'{sizes[index]:.3g} N',
                         _CAPTION * shape.s[-1])]
+    return drawn
+
+
+def hold_primitives(shape: Shape, length: float = _AXIS) -> list[Primitive]:
+    """Return of each hold of a Shape an arrow along its axis, or a ball if it is a pin, and a text.
+
+    The text says what holds there, and with what force, N. 'hold' and 'hold force', by the place.
+    """
+    length, drawn = number('length', length, above=0), []
+    letter = _CAPTION * shape.s[-1]
+    for index, (hold, wrench) in enumerate(zip(shape.holds, shape.wrenches, strict=True)):
+        at = hold.pose.position
+        if hold.grip == 'pinned':
+            drawn.append(Primitive('hold', index, 'points', _GREEN, points=at[None],
+                                   size=(0.2 * length,) * 3))
+        else:
+            drawn.append(_arrow('hold', index, at, at + length * hold.pose.direction, _GREEN))
+        force = float(np.linalg.norm(wrench[:3]))
+        name = 'far end' if hold.s is None and hold.by == FIXTURE else hold.by
+        drawn.append(_text('hold force', index, at + (0.0, 0.0, 2 * letter),
+                           f'{name} {force:.3g} N', letter))
     return drawn
 
 

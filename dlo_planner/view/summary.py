@@ -17,6 +17,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.fit import Fit
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.holds import named
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.value import Value
 from dlo_planner.plan.plan import Plan, greatest_push, rooms_in_holes
@@ -106,6 +107,7 @@ def _shape_rows(shape: Shape) -> list[Row]:
         ('elements', str(len(shape.element_strains)), ''),
         ('gripper', _point(shape.gripper.position), 'm'),
         *_held_rows(shape), ('far end', _point(shape.positions[-1]), 'm'),
+        *_hold_rows(shape),
         ('sharpest bend, radius', figure(shape.bend_radius.min()), 'm'),
         ('gripper bears, force', figure(force[0]), 'N'),
         ('gripper bears, moment', figure(force[1]), 'N m'),
@@ -142,6 +144,17 @@ def _held_rows(shape: Shape) -> list[Row]:
     """Return where a gripper holds a DLO inside; no row of one that is held at its beginning."""
     at = grasped_at(shape)
     return [] if at is None else [('held, from its beginning', figure(at), 'm')]
+
+
+def _hold_rows(shape: Shape) -> list[Row]:
+    """Return what each hold of a Shape bears."""
+    rows = []
+    for hold, wrench in zip(shape.holds, shape.wrenches, strict=True):
+        size = np.linalg.norm(wrench.reshape(2, 3), axis=1)
+        name = f'{named(hold)}, {hold.grip}'
+        rows += [(f'{name}, force', figure(size[0]), 'N'),
+                 (f'{name}, moment', figure(size[1]), 'N m')]
+    return rows
 
 
 def _plan_rows(plan: Plan) -> list[Row]:

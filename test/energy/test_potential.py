@@ -59,7 +59,7 @@ def everything(curly, basis, rng):
 
 def held(curly, basis, rng):
     end = FarEnd(Pose((0.3, 0.2, 0.1), (0.1, 0.2, 0.3, 0.9)), 'sleeve')
-    system = discretized(curly, basis).system(BASE, (0.1, 0, 0), far_end=end)
+    system = discretized(curly, basis).system(BASE, (0.1, 0, 0), holds=(end,))
     system.hold.multiplier[:] = rng.normal(size=5)
     return system._replace(hold=system.hold._replace(stiffness=3.0, turn_stiffness=2.0))
 

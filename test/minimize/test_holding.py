@@ -14,7 +14,7 @@ from dlo_planner.energy.grip import constraint_value
 from dlo_planner.energy.potential import configuration_at, evaluate
 from dlo_planner.energy.problem import new_configuration
 from dlo_planner.minimize.hessian import assemble, new_hessian
-from dlo_planner.model.supports import GRIPS
+from dlo_planner.model.holds import GRIPS, Hold
 
 SIMULATORS = ({'basis': 'local', 'n_elements': 32}, {'n_elements': 32}, {})
 
@@ -114,7 +114,8 @@ def test_what_moves_far_is_led_there(away):
     known = simulator.solve(here, far_end=(0.8, 0, 0))
     end = FarEnd.of((0.8 + away, 0, 0))
     past = statics.past_of(simulator.mesh, known, None)
-    assert statics.held_nearby(simulator.mesh, here, known.element_strains, past, end, True) is None
+    near = statics.held_nearby(simulator.mesh, here, known.element_strains, past, (end,), True)
+    assert near is None
     assert simulator.solve(here, known, far_end=end).converged
 
 
@@ -128,17 +129,19 @@ def test_a_saddle_between_two_grips_is_left_to_the_thorough_search():
         forces[2] = pressed * 4 * np.pi**2  # N
         found = statics.held_nearby(
             simulator.mesh, here, np.zeros_like(straight.element_strains),
-            replace(simulator.mesh.start, hold=forces), straight.far_end, True)
+            replace(simulator.mesh.start, hold=forces), straight.holds, True)
         assert (found is not None) == stable
 
 
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 @pytest.mark.parametrize('grip', GRIPS)
 @pytest.mark.parametrize('springs', [True, False])
-def test_the_rows_of_a_grip_are_its_derivatives(basis, grip, springs, rng):
+@pytest.mark.parametrize('nodes', [(), (7,), (3, 8)])
+def test_the_rows_of_a_grip_are_its_derivatives(basis, grip, springs, nodes, rng):
     simulator, shape, gripper, end = drawn(rng, grip, basis=basis, n_elements=12)
     mesh = simulator.mesh
-    held = mesh.system(gripper.rotation, gripper.position, None, end)
+    inside = tuple(Hold(shape.at(float(mesh.s[k])), grip, float(mesh.s[k])) for k in nodes)
+    held = mesh.system(gripper.rotation, gripper.position, None, (*inside, end))
     loose = held._replace(hold=held.hold._replace(stiffness=0.0, turn_stiffness=0.0))
     system = held if springs else loose
     state = configuration_at(system, np.array(shape.element_strains))
@@ -150,7 +153,7 @@ def test_the_rows_of_a_grip_are_its_derivatives(basis, grip, springs, rng):
         there, out = new_configuration(system), np.empty(len(rows))
         there.q[:] = q
         evaluate(system, there)
-        constraint_value(system.hold, there.rotations[-1].copy(), there.positions[-1].copy(), out)
+        constraint_value(system.hold, there, out)
         return out
 
     along = rng.normal(size=state.q.shape)

@@ -68,7 +68,7 @@ def test_compliance_is_what_solutions_give(problem, held, rng):
         mesh = Discretization(Surroundings(Rod(1.0, 0.0, 1.0, 1.0), np.zeros(3)),
                               np.linspace(0, 1, 15), 'chebyshev' if system.basis.size else 'local',
                               6)
-        system = mesh.system(np.eye(3), np.zeros(3), None, FarEnd.of((0.7, 0.2, 0.1)))
+        system = mesh.system(np.eye(3), np.zeros(3), None, (FarEnd.of((0.7, 0.2, 0.1)),))
         state = new_configuration(system)
         evaluate(system, state)
         hessian = new_hessian(system)
@@ -187,7 +187,7 @@ def test_a_pivot_of_zero_lets_no_number_overflow():
     rod = Rod(1.0, 0.0, 1.0, 1.0)
     around = Surroundings(rod, np.zeros(3))
     mesh = Discretization(around, np.linspace(0, 1, 9), 'local', 4)
-    system = mesh.system(np.eye(3), np.zeros(3), None, FarEnd.of((0.9, 0.0, 0.1)))
+    system = mesh.system(np.eye(3), np.zeros(3), None, (FarEnd.of((0.9, 0.0, 0.1)),))
     state = new_configuration(system)
     evaluate(system, state)
     hessian = new_hessian(system)

@@ -349,5 +349,6 @@ def test_what_does_not_fit_is_refused(tracked):
     with pytest.raises(InvalidTask, match=r'shapes\[0\]'):
         Shapes.of(tracked, [0.0, 2.0])
     held = DirectSimulator(copper_wire(), n_elements=8).solve(Pose.identity(), far_end=(0.8, 0, 0))
-    with pytest.raises(InvalidTask, match=r'shapes\[0\]'):
-        Shapes.of([held])
+    assert Shapes.of([held])[0].holds == held.holds
+    with pytest.raises(InvalidTask, match=r'shapes\[1\]'):
+        Shapes.of([tracked[0], held])

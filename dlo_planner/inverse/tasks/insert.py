@@ -39,9 +39,9 @@ from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, before
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import put
 from dlo_planner.plan.bore import insertion_force
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_accuracy, refusal_for_leap
@@ -205,7 +205,7 @@ class Insertion(Family):
             off = float(np.linalg.norm(shape.positions[-1] - self._bore.center))
             return builder.refusal('continuity', off, 'the DLO would fall out of the shape that is '
                                    f'free of force at the mouth, its end {off:.3g} m off')
-        begins = before is None and shape.far_end is None
+        begins = before is None and not shape.holds
         return refusal_for_leap(self.simulator.with_rod(shape.rod), builder,
                                 shape) if begins and shape.rod is not None else None
 

@@ -271,6 +271,9 @@ def least_penalty(simulator: DirectSimulator, task: Minimize, start: Pose,
     if initial is not None and initial.far_end is not None:
         raise InvalidTask('initial is held at its far end: expected a Shape whose far end is free, '
                           'as it is in the search')
+    if initial is not None and initial.holds:
+        raise InvalidTask(f'initial is held by {shown(initial.holds)}: expected a Shape that the '
+                          'gripper alone holds, as it is in the search')
     for penalty in task.penalties:  # arc lengths are on the DLO
         for name in getattr(penalty, 'ARC_LENGTHS', ()):
             number(f'{type(penalty).__name__}.{name}', getattr(penalty, name), minimum=0,

@@ -16,9 +16,9 @@ from dlo_planner.direct.statics import between
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.continuation import Follower, GivenPoses, Passing, continue_family
 from dlo_planner.inverse.task import PlanContext, Task
-from dlo_planner.model.checks import instance, items, number
+from dlo_planner.model.checks import instance, items, number, shown
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.plan import Plan
@@ -87,6 +87,9 @@ class MoveTo(Task):
         if initial is not None and initial.far_end != self.far_end:
             raise InvalidTask(f'initial = {initial!r}: expected a Shape whose far end is held as '
                               'far_end says')
+        if initial is not None and len(initial.holds) > (self.far_end is not None):
+            raise InvalidTask(f'initial is held by {shown(initial.holds)}: expected a Shape that '
+                              'nothing holds inside, which no plan is made for')
         simulator = context.simulator.without_obstacles()
         poses, stops = [start], list[int]()
         for pose in self.poses:
