@@ -260,9 +260,9 @@ def contact_candidates(system, state, places):
                 continue
             grows = taper(scene, o, e) / system.lengths[e]
             if (not winding
-                    and (_slope(state.rotations[e], state.strains[e], offsets[e],
+                    and (gap_slope(state.rotations[e], state.strains[e], offsets[e],
                                 normals[e]) >= grows
-                         or _slope(state.rotations[e + 1], state.strains[e], offsets[e + 1],
+                         or gap_slope(state.rotations[e + 1], state.strains[e], offsets[e + 1],
                                    normals[e + 1]) <= grows)):
                 continue  # a convex body is nearest at a node
             minima = minima_in_element(scene, o, e, system.lengths, state.strains, state.rotations,
@@ -324,7 +324,7 @@ def _lies(node, gaps, e):
 
 
 @kernel
-def _slope(rotation, strain, offset, normal):
+def gap_slope(rotation, strain, offset, normal):
     """Return the slope along the DLO of the distance of a point at an offset from the axis."""
     w0 = 1.0 + strain[1] * offset[1] - strain[2] * offset[0]
     w1, w2 = -strain[0] * offset[1], strain[0] * offset[0]

@@ -19,6 +19,7 @@ import numpy as np
 from dlo_planner.energy.contact import obstructed, trial_traction
 from dlo_planner.energy.gap import closest_point
 from dlo_planner.energy.grip import holds, reaction_of, set_reaction
+from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.problem import Configuration, Problem, hinged, new_configuration
 from dlo_planner.energy.terms import row_count
 from dlo_planner.geometry.kinematics import point_inside
@@ -39,7 +40,7 @@ from dlo_planner.minimize.contact_table import (
     with_springs,
     with_stiffness,
 )
-from dlo_planner.minimize.convergence import Minimum, as_rounded, gradient_noise
+from dlo_planner.minimize.convergence import TOUCHING, Minimum, as_rounded, gradient_noise
 from dlo_planner.minimize.hessian import is_definite
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import (
@@ -53,6 +54,7 @@ from dlo_planner.minimize.newton import (
     newton_descent,
     thorough,
 )
+from dlo_planner.minimize.quasi_static import may_rub, settle, with_bearing
 from dlo_planner.minimize.relaxation import deepest, relax
 from dlo_planner.minimize.semismooth import (
     bears,
@@ -79,6 +81,12 @@ _ROUGH, _MOST = (1e-3, 1e-3, 1e-6, 1e-9, 1e-9), (12, 48, 100, 100, 400)
 _SLIDES, _EXCHANGES, _CHOICES = 4, 8, 3
 # Times the violation aimed at, in the last attempt: a stiff part that lies along a body keeps it.
 _STIFF = 100.0
+# Of the flow: at rest with such a residual, at first and well; steps at most; how often it leaves
+# a saddle. What is as near (`_CLOSE`) is brought to rest exactly, with so many Newton steps.
+_RESTS, _RESTS_WELL, _MOST_FLOW, _MOST_FALLS, _CLOSE, _POLISH = 1e-6, 1e-9, 120, 3, 1e-4, 6
+_KEPT, _KEPT_WELL = 9e-7, 2e-8  # of the length: violation there, and where no more is tried
+# How often limits of friction are set to those of the forces, and a relative change that is none
+_CYCLES, _SAME_LIMIT = 4, 1e-6
 _MOST_KICKS, _SAME = 10, 1e-6  # part of the unknowns: shapes that differ by less are one
 
 
@@ -141,6 +149,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
     length = np.sum(system.lengths)
     first = reaction_of(hold, row_count(system.needs.border))
     steps = kicks = attempt = 0
+    tried = False
     beside, saddle = np.empty_like(q), np.full_like(q, np.inf)
     seeks = bears(system.effects.contact.contacts)
     on_a_way, flow = exact > _ON_A_WAY * length, np.array([0.0, 1.0])
@@ -183,6 +192,18 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
                 set_reaction(hold, reaction)
         if steps >= max_iterations or attempt >= len(_ROUGH) or interrupted():
             break
+        # (a DLO that is set down has no way along which it could have rubbed; what moves or is
+        # held has more to obey)
+        if attempt == 0 and not (on_a_way or tried or past.shape[0] == 0 and may_rub(system)
+                                 or has_inertia(system.effects.anchor)
+                                 or row_count(system.needs.border) > 0):
+            reaction = reaction_of(hold, row_count(system.needs.border))
+            rests, state, residual, stability, moves, falls, loaded, violation = _settled(
+                there, begin, past, tolerance, exact, max_iterations - steps, check, beside)
+            steps, tried = steps + moves, True
+            if rests:
+                return state, residual, stability, steps, kicks + falls, loaded, violation
+            set_reaction(hold, reaction)
         there, begin, moves = _pressed_out(
             there, begin, length * (_STUCK if attempt > 0 else _DEEP), tolerance, exact,
             max_iterations - steps)
@@ -203,6 +224,93 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
     there = with_contacts(there, contacts, there.effects.contact.scene)
     state, residual, _, violation = kkt_residual(there, begin)
     return state, residual, np.nan, steps, kicks, there, violation
+
+
+@kernel
+def _polished(system, q, tolerance, exact, allowed):
+    """Return whether a DLO that is nearly at rest near q (m, 3) rests among contacts, and where.
+
+    The limits of friction are those of the forces there; constraints are violated by `allowed`, m,
+    at most. Also returned are residual, violation, m, and Newton steps.
+    """
+    steps, never = 0, exact < 0.0
+    tolerance = max(tolerance, 0.5 * TOUCHING)
+    state, residual, table, violation = kkt_residual(system, q)
+    contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
+    for _ in range(_CYCLES):
+        if not (residual < _CLOSE and violation < allowed):
+            break
+        if residual > tolerance:
+            state, _, _, moves, _, _, _ = newton_descent(
+                system, state.q, thorough(tolerance, exact, _POLISH, never, never),
+                new_workspace(system))
+            steps += moves
+            state, residual, table, violation = kkt_residual(system, state.q)
+        change = 0.0
+        for a in range(table.gap.size):
+            c = table.rubbing[a]
+            if c >= 0:
+                limit = friction[table.obstacle[a]] * table.force[a]
+                change = max(change, abs(limit - contacts.multiplier[c]) / max(limit, 1e-300))
+                contacts.multiplier[c] = limit
+        state, residual, table, violation = kkt_residual(system, state.q)
+        if residual < tolerance and violation < allowed and change < _SAME_LIMIT:
+            return True, state, residual, violation, steps
+    return False, state, residual, violation, steps
+
+
+@kernel
+def _settled(system, q, previous, tolerance, exact, max_iterations, check, kicked):
+    """Return whether a DLO comes to rest by its flow, and what `solve_contact` does.
+
+    It begins at q (m, 3); `kicked` (m, 3) is work space.
+    """
+    given, hold, there, flow = (system.effects.contact.contacts, system.effects.hold, system,
+                                np.zeros(1))
+    steps, kicks, length, saddle = 0, 0, np.sum(system.lengths), True
+    stability, state, firm = np.nan, new_configuration(system), system
+    residual = violation = np.inf
+    while saddle:
+        there, q, moves, left = settle(there, q, previous, _RESTS, min(_MOST_FLOW, max_iterations),
+                                       flow)
+        steps, saddle = steps + moves, False
+        if not left < _CLOSE:
+            break
+        loaded = with_bearing(there, q, given, moves < 0)
+        rolls, state, residual, stability, moves, loaded, violation = _at_once(
+            loaded, q, moves < 0, tolerance, exact, check, previous)
+        steps += moves
+        if rolls:  # (points that bear inside elements are where they are nearest, exactly)
+            return True, state, residual, stability, steps, kicks, loaded, violation
+        firm = with_bearing(there, q, given, moves >= 0)
+        rests, state, residual, violation, moves = _polished(firm, q, tolerance, exact,
+                                                             _KEPT * length)
+        steps += moves
+        if not (rests and violation < _KEPT_WELL * length):
+            flow[0], reaction = 0.0, reaction_of(hold, row_count(system.needs.border))
+            there, q, moves, left = settle(there, q, previous, _RESTS_WELL,
+                                           min(_MOST_FLOW, max_iterations), flow)
+            steps += moves
+            finer = with_bearing(there, q, given, moves >= 0)
+            well, its, its_residual, inside, moves = _polished(finer, q, tolerance, exact,
+                                                               _KEPT * length)
+            steps += moves
+            if well:
+                rests, state, residual, violation, firm = well, its, its_residual, inside, finer
+            else:
+                set_reaction(hold, reaction)
+        if not rests:
+            break
+        if not check:
+            return True, state, residual, np.inf, steps, kicks, firm, violation
+        stability, mode = _judged(firm, state, tolerance, exact)
+        if stability > -HELD_NEUTRAL:
+            return True, state, residual, stability, steps, kicks, firm, violation
+        saddle = kicks < _MOST_FALLS and leave_saddle(firm, state, mode, kicked)
+        if saddle:
+            kicks += 1
+            q, flow[0] = kicked.copy(), 0.0
+    return False, state, residual, stability, steps, kicks, system, violation
 
 
 @kernel

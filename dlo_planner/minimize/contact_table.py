@@ -233,11 +233,11 @@ def update_friction(system: Problem, contacts: ContactSet, state: Configuration,
     obstacles, normals = -1 - table.obstacle[rubs], table.normal[rubs]
     place, former = np.empty(3), np.empty(3)
     for p in range(count):
-        _place_before(system, state, previous, elements[p], fractions[p], place)
+        place_before(system, state, previous, elements[p], fractions[p], place)
         anchors[p] = place
         c = _friction_before(contacts, obstacles[p], elements[p], fractions[p])
         if c >= 0:
-            _place_before(system, state, previous, contacts.element[c], contacts.fraction[c],
+            place_before(system, state, previous, contacts.element[c], contacts.fraction[c],
                           former)
             anchors[p] += contacts.anchor[c] - former
             shear = contacts.shear[c]
@@ -268,7 +268,7 @@ def _friction_before(contacts, obstacle, element, fraction):
 
 
 @kernel
-def _place_before(system, state, previous, e, fraction, x):
+def place_before(system, state, previous, e, fraction, x):
     """Fill x (3,): where a point of the DLO was before the step, where it is if there was none.
 
     Between the nodes a cubic (Hermite).

@@ -494,7 +494,7 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
             gap, _, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
                                       state.positions, normal, hessian)
             push = contacts.multiplier[c]
-            if everywhere and _is_halfway(scene, contacts.obstacle[c], contacts.element[c], gap):
+            if everywhere and is_halfway(scene, contacts.obstacle[c], contacts.element[c], gap):
                 push = 0.0
             elif not push > 0.0 and gap < near:
                 push = _TINY * NEGLIGIBLE * k * abs(gap)
@@ -504,7 +504,7 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
         away = np.inf  # from the last node that counts
         for node in range(force.shape[1]):
             away += lengths[max(node - 1, 0)]
-            if everywhere and _is_halfway(scene, o, node, yielded[o, node] / k):
+            if everywhere and is_halfway(scene, o, node, yielded[o, node] / k):
                 force[o, node] = 0.0
             elif everywhere and force[o, node] == 0.0 and yielded[o, node] < (
                     k * min(near, _APART * away) if away > close else 0.0):
@@ -520,7 +520,7 @@ def loaded_by_contacts(system, state, previous, near, everywhere, afar):
 
 
 @kernel
-def _is_halfway(scene, o, node, gap):
+def is_halfway(scene, o, node, gap):
     """Whether the axis is so near to the middle of a sheet that nothing tells to which side."""
     return _is_in_sheet(scene, o, node, gap + 2.0 * scene.size[o, 0])  # it has two layers
 

@@ -1,0 +1,758 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""All contact forces of one linearized step at once.
+
+Geometry is linear about a state, the laws of contact are exact. For each point that is near an
+obstacle no gap w < 0, no force p < 0 and p w = 0; and Coulomb's law, |t| <= mu p, with the friction
+t against the slip v. Written with the gap that De Saxce and Feng's bipotential opens by mu |v|,
+
+    x = (mu p, t),    z = (w / mu + |v|, v),    x and z in the cone of Lorentz,  x . z = 0,
+
+this is complementarity in second-order cones, whose interior point methods are robust. Here it is
+the method of Mehrotra with the scaling of Nesterov and Todd; |v| follows from step to step, which
+keeps all matrices symmetric (Acary, Armand, Nguyen and Shpakovych, Second-order cone programming
+for frictional contact mechanics using interior point algorithm, 2022). Each contact is eliminated
+at its own place, where it leaves a spring of 3 x 3 numbers: a Newton step costs one sweep over the
+elements, however many contacts there are.
+
+Near the end, where it is known what bears, sticks and slides, a semismooth Newton method on the
+same equations takes a few steps instead of ten, and ends in the laws themselves. What slides
+couples friction with the normal force; that part is not symmetric, and is left to a few directions
+of a Krylov method over the sweep.
+
+Contacts give a little under changes of their forces since the step before (a proximal method):
+else nothing would decide how points share a force that lie along an obstacle. What they give
+vanishes as the steps do.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.grip import constraint_value
+from dlo_planner.energy.potential import project, value_at
+from dlo_planner.energy.problem import bending_energy
+from dlo_planner.geometry.kinematics import part_of_element, spring_at
+from dlo_planner.geometry.record import Record
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.hessian import assemble, factorize, solve, solve_held
+from dlo_planner.model.arrays import Floats, Ints
+
+_MOST, _FEW = 60, 15  # Newton steps: of the interior point method, and of exact laws
+# The barrier parameter to begin with, and where it ends, of the energy that the loads stand for;
+# near rest it goes on. With it a law of motion is kept but for such a part of the length.
+_FIRST, _LAST, _KEPT = 1e-4, 1e-8, 1e-5
+_SHARP, _SHARPLY = 1e-12, 1e-8
+_STUCK, _PATIENCE = 0.1, 25  # part of a step, and steps: then the first of both ends is enough
+_CENTERED = 1e-2      # of the barrier parameter: what a step leaves of it at least
+_SHORT = 0.99         # of the way to the boundary
+_CLOSE = 1e-3         # of the length: gaps that are no smaller at the beginning
+_GIVE = 2e-6          # of the length: by how much contacts give under a change by all the loads
+_LEAST_SHIFT, _MOST_SHIFT = 1e-3, 1e6  # of the Hessian while what will bear does not hold it yet
+_LOST = 8             # steps in a row on which the DLO does not stand: it will not
+_INNER, _COUPLED = 20, 1e-16  # directions of the coupling at most; what is left of its square
+_SETTLED = 1e-6       # of the loads: changes of forces that are none
+_BEARS = 1e-4         # of the loads that an element has: a smaller force is none
+_STICKS = 0.999       # of its limit: friction that does not slide
+
+
+class ContactRows(Record):
+    """How A points of contact move with the DLO, and where their forces go."""
+
+    element: Ints   # (A,)
+    node: Ints      # (A,) node, or -1 of a point inside its element
+    inside: Ints    # (A,) its place among the points inside elements, or -1
+    axis: Floats    # (A, 3) m, of the axis there, relative to the gripper
+    arm: Floats     # (A, 3) m, from the axis to where the normal force acts
+    own: Floats     # (A, 6, 3) twist of the frame at the point by its element's unknowns
+    frame: Floats   # (A, 3, 3) rows: normal and two tangents
+
+
+@kernel
+def contact_rows(system, state, table):
+    """Return the ContactRows of the contacts in a table."""
+    count = table.gap.size
+    rows = ContactRows(table.element, np.full(count, -1), table.inside, np.empty((count, 3)),
+                       table.arm, np.zeros((count, 6, 3)), np.empty((count, 3, 3)))
+    arm = np.empty(3)
+    for a in range(count):
+        e = table.element[a]
+        if table.inside[a] < 0:
+            rows.node[a] = e + 1
+            for i in range(3):
+                rows.axis[a, i] = state.positions[e + 1, i]
+        else:
+            part_of_element(system.lengths[e], table.fraction[a], state.strains[e],
+                            system.scale[e], state.rotations[e], rows.own[a], arm)
+            for i in range(3):
+                rows.axis[a, i] = state.positions[e, i] + arm[i]
+        n, frame = table.normal[a], rows.frame[a]
+        least = 0
+        for i in range(3):
+            frame[0, i] = n[i]
+            if abs(n[i]) < abs(n[least]):
+                least = i
+        size = 0.0
+        for i in range(3):
+            frame[1, i] = (1.0 if i == least else 0.0) - n[least] * n[i]
+            size += frame[1, i] ** 2
+        size = np.sqrt(size)
+        for i in range(3):
+            frame[1, i] /= size
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            frame[2, i] = n[j] * frame[1, k] - n[k] * frame[1, j]
+    return rows
+
+
+@kernel
+def put_motions(system, hessian, rows, step, moved):
+    """Fill moved (A, 3): by how much the points move along their normals and tangents, m."""
+    n, count = hessian.twist_jacobian.shape[0], rows.element.size
+    twists = np.zeros((n + 1, 6))
+    own = np.empty((n, 3))
+    for e in range(n):
+        x, y, z = value_at(system.basis, step, e)
+        own[e, 0], own[e, 1], own[e, 2] = x, y, z
+        for i in range(6):
+            twists[e + 1, i] = (twists[e, i] + hessian.twist_jacobian[e, i, 0] * x
+                                + hessian.twist_jacobian[e, i, 1] * y
+                                + hessian.twist_jacobian[e, i, 2] * z)
+    shift, turn = np.empty(3), np.empty(3)
+    for a in range(count):
+        e, x = rows.element[a], rows.axis[a]
+        twist = twists[e + 1] if rows.node[a] >= 0 else twists[e]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            turn[i] = twist[i]
+            shift[i] = twist[3 + i] + twist[j] * x[k] - twist[k] * x[j]
+        if rows.node[a] < 0:
+            for b in range(3):
+                for i in range(3):
+                    turn[i] += own[e, b] * rows.own[a, i, b]
+                    shift[i] += own[e, b] * rows.own[a, 3 + i, b]
+        for r in range(3):
+            moved[a, r] = (rows.frame[a, r, 0] * shift[0] + rows.frame[a, r, 1] * shift[1]
+                           + rows.frame[a, r, 2] * shift[2])
+        for i in range(3):  # (friction acts at the axis)
+            j, k = (i + 1) % 3, (i + 2) % 3
+            moved[a, 0] += rows.frame[a, 0, i] * (turn[j] * rows.arm[a, k]
+                                                  - turn[k] * rows.arm[a, j])
+
+
+@kernel
+def add_loads(system, hessian, rows, force, right):
+    """Add to right (m, 3) forces (A, 3) along the normals and tangents of the points, N."""
+    n, count = hessian.twist_jacobian.shape[0], rows.element.size
+    beyond, inner = np.zeros((n + 1, 6)), np.zeros((n, 6))
+    by, out = np.zeros((n, 3)), np.empty_like(right)
+    world, couple = np.empty(3), np.empty(3)
+    for a in range(count):
+        normal, arm = rows.frame[a, 0], rows.arm[a]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            world[i] = (force[a, 0] * normal[i] + force[a, 1] * rows.frame[a, 1, i]
+                        + force[a, 2] * rows.frame[a, 2, i])
+            couple[i] = force[a, 0] * (arm[j] * normal[k] - arm[k] * normal[j])
+        e, x = rows.element[a], rows.axis[a]
+        wrench = beyond[e + 1] if rows.node[a] >= 0 else inner[e]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            wrench[i] += couple[i] + x[j] * world[k] - x[k] * world[j]
+            wrench[3 + i] += world[i]
+        if rows.node[a] < 0:
+            for b in range(3):
+                for i in range(3):
+                    by[e, b] += (world[i] * rows.own[a, 3 + i, b]
+                                 + couple[i] * rows.own[a, i, b])
+    total = np.zeros(6)
+    for r in range(n):
+        e = n - 1 - r
+        for i in range(6):
+            total[i] += beyond[e + 1, i]
+        for b in range(3):
+            for i in range(6):
+                by[e, b] += hessian.twist_jacobian[e, i, b] * total[i]
+        for i in range(6):
+            total[i] += inner[e, i]
+    project(system.basis, by, out)
+    for j in range(right.shape[0]):
+        for i in range(3):
+            right[j, i] += out[j, i]
+
+
+@kernel
+def _put_springs(attached, rows, given_nodes, given_points, spring):
+    """Write the springs (A, 3, 3) of the contacts on top of the second derivatives there were."""
+    left = np.empty((3, 3))
+    for a in range(rows.element.size):
+        k, c = rows.node[a], rows.inside[a]
+        target, source = ((attached.node_matrix[k], given_nodes[k]) if k >= 0
+                          else (attached.matrix[c], given_points[c]))
+        for i in range(6):
+            for j in range(6):
+                target[i, j] = source[i, j]
+    for a in range(rows.element.size):
+        target = (attached.node_matrix[rows.node[a]] if rows.node[a] >= 0
+                  else attached.matrix[rows.inside[a]])
+        frame, arm = rows.frame[a], rows.arm[a]
+        for i in range(3):
+            for r in range(3):
+                left[i, r] = (frame[0, i] * spring[a, 0, r] + frame[1, i] * spring[a, 1, r]
+                              + frame[2, i] * spring[a, 2, r])
+        for i in range(3):
+            for j in range(3):
+                target[3 + i, 3 + j] += (left[i, 0] * frame[0, j] + left[i, 1] * frame[1, j]
+                                         + left[i, 2] * frame[2, j])
+        if arm[0] == 0.0 and arm[1] == 0.0 and arm[2] == 0.0:
+            continue
+        for i in range(3):  # the normal force acts beside the axis, friction at the axis
+            turn = (arm[(i + 1) % 3] * frame[0, (i + 2) % 3]
+                    - arm[(i + 2) % 3] * frame[0, (i + 1) % 3])
+            for j in range(3):
+                other = (arm[(j + 1) % 3] * frame[0, (j + 2) % 3]
+                         - arm[(j + 2) % 3] * frame[0, (j + 1) % 3])
+                target[i, j] += turn * spring[a, 0, 0] * other
+                target[i, 3 + j] += turn * left[j, 0]
+                target[3 + j, i] += turn * left[j, 0]
+
+
+@kernel
+def _restore(attached, rows, given_nodes, given_points):
+    """Take the springs of contacts away again."""
+    for a in range(rows.element.size):
+        if rows.node[a] >= 0:
+            attached.node_matrix[rows.node[a]] = given_nodes[rows.node[a]]
+        else:
+            attached.matrix[rows.inside[a]] = given_points[rows.inside[a]]
+
+
+class StepLaws(Record):
+    """What the laws of A contacts say about one linearized step."""
+
+    rows: ContactRows
+    friction: Floats     # (A,) coefficient, 0 of what does not rub
+    rubs: bool
+    gap: Floats          # (A,) m, at the state
+    slid: Floats         # (A, 2) m, from where the point stuck, along the tangents
+    first: Floats        # (A, 3) N, forces that the gradient has, along normals and tangents
+    give: float          # m/N, compliance of all contacts
+    whole: float         # N, all loads on the DLO
+    tau: float           # J, barrier parameter to begin with
+    given_nodes: Floats  # (N + 1, 6, 6), (C, 6, 6) second derivatives without the contacts' springs
+    given_points: Floats
+    miss: Floats         # (K,) of what is held
+
+
+@kernel
+def step_laws(system, state, table, shear, closed, held):
+    """Return the StepLaws at a state; shear (A, 3): friction forces; held: K."""
+    contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
+    count, length = table.gap.size, np.sum(system.lengths)
+    rows, attached = contact_rows(system, state, table), state.attached
+    energy = np.sum(np.abs(system.effects.load.pull)) * length + bending_energy(system)
+    first, slid, rubbing = np.zeros((count, 3)), np.zeros((count, 2)), np.zeros(count)
+    for a in range(count):
+        c = table.rubbing[a]
+        first[a, 0] = table.force[a]
+        if c >= 0:
+            rubbing[a] = friction[table.obstacle[a]]
+            for r in range(2):
+                for i in range(3):
+                    slid[a, r] += rows.frame[a, 1 + r, i] * (rows.axis[a, i]
+                                                             - contacts.anchor[c, i])
+                    first[a, 1 + r] -= rows.frame[a, 1 + r, i] * shear[a, i]
+        if rows.node[a] >= 0:
+            spring_at(attached, rows.node[a])
+    miss = np.zeros(held)
+    constraint_value(system.effects.hold, state, miss)
+    for k in range(held):
+        miss[k] *= closed
+    return StepLaws(rows, rubbing, np.any(table.rubbing >= 0), table.gap, slid, first,
+                    _GIVE * length * length / energy, energy / length,
+                    _FIRST * energy / system.lengths.size, attached.node_matrix.copy(),
+                    attached.matrix.copy(), miss)
+
+
+class Springs(Record):
+    """How the forces of A contacts answer to their motions in one Newton step."""
+
+    force: Floats    # (A, 3) N, on the DLO, along normals and tangents, if no point moves
+    spring: Floats   # (A, 3, 3) N/m
+    pulls: Floats    # (A, 2) change of friction with the normal force
+    normal: Floats   # (A,) N, the normal force before
+
+
+class Answer(Record):
+    """What such a Newton step leads to."""
+
+    step: Floats     # (m, 3)
+    moved: Floats    # (A, 3) m, along normals and tangents
+    limit: Floats    # (A,) N, changes of the normal forces, as the limits of friction have them
+    right: Floats    # (m, 3) work space, like all that follows
+    change: Floats   # (m, 3)
+    by: Floats       # (A, 3)
+    load: Floats     # (A, 3)
+    krylov: Floats   # (2, _INNER, A)
+
+
+@kernel
+def new_springs(count):
+    """Return empty Springs."""
+    return Springs(np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 2)),
+                   np.zeros(count))
+
+
+@kernel
+def new_answer(unknowns, count):
+    """Return an empty Answer."""
+    return Answer(np.zeros((unknowns, 3)), np.zeros((count, 3)), np.zeros(count),
+                  np.empty((unknowns, 3)), np.empty((unknowns, 3)), np.empty((count, 3)),
+                  np.zeros((count, 3)), np.empty((2, _INNER, count)))
+
+
+@kernel
+def _solve_linear(system, state, hessian, laws, springs, more, back, answer, reaction, rubs):
+    """Fill the Answer to Springs with a factorization that is there.
+
+    `more`: a shift in it that holds the step to `back` (m, 3).
+    """
+    rows, right, step = laws.rows, answer.right, answer.step
+    for j in range(step.shape[0]):
+        for i in range(3):
+            right[j, i] = more * back[j, i] - state.gradient[j, i]
+    for a in range(springs.normal.size):
+        for i in range(3):
+            answer.load[a, i] = springs.force[a, i] - laws.first[a, i]
+    add_loads(system, hessian, rows, answer.load, right)
+    for k in range(reaction.size):
+        reaction[k] = laws.miss[k]
+    solve_held(system, hessian, right, laws.miss, step, reaction)
+    put_motions(system, hessian, rows, step, answer.moved)
+    if not rubs:
+        return
+    limit = answer.limit
+    for a in range(limit.size):
+        answer.by[a, 0] = (springs.force[a, 0] - springs.spring[a, 0, 0] * answer.moved[a, 0]
+                           - springs.normal[a])
+    _couple(system, hessian, rows, springs, answer)
+    for a in range(limit.size):
+        answer.load[a, 0] = 0.0
+        for r in range(2):
+            answer.load[a, 1 + r] = springs.pulls[a, r] * limit[a]
+    for j in range(step.shape[0]):
+        for i in range(3):
+            right[j, i] = 0.0
+    add_loads(system, hessian, rows, answer.load, right)
+    solve(system, hessian, right, answer.change)
+    put_motions(system, hessian, rows, answer.change, answer.by)
+    for a in range(limit.size):
+        for i in range(3):
+            answer.moved[a, i] += answer.by[a, i]
+    for j in range(step.shape[0]):
+        for i in range(3):
+            step[j, i] += answer.change[j, i]
+
+
+@kernel
+def _couple(system, hessian, rows, springs, answer):
+    """Fill the changes (A,) of normal forces that change the limits of friction as well.
+
+    At the beginning answer.by[:, 0] are the changes without that. Orthogonal directions of minimal
+    residual (GCR: Eisenstat, Elman and Schultz, SIAM J. Numer. Anal. 20, 1983), with the symmetric
+    factorization as preconditioner.
+    """
+    count, used = springs.normal.size, answer.limit
+    left, force, by, krylov = np.empty(count), answer.load, answer.by, answer.krylov
+    whole = 0.0
+    for a in range(count):
+        used[a], left[a], force[a, 0] = 0.0, by[a, 0], 0.0
+        whole += left[a] * left[a]
+    for d in range(_INNER):
+        rest = 0.0
+        for a in range(count):
+            rest += left[a] * left[a]
+        if not rest > _COUPLED * whole:
+            return
+        v, w = krylov[0, d], krylov[1, d]
+        for a in range(count):
+            v[a] = left[a]
+            force[a, 1], force[a, 2] = springs.pulls[a, 0] * v[a], springs.pulls[a, 1] * v[a]
+        for j in range(answer.right.shape[0]):
+            for i in range(3):
+                answer.right[j, i] = 0.0
+        add_loads(system, hessian, rows, force, answer.right)
+        solve(system, hessian, answer.right, answer.change)
+        put_motions(system, hessian, rows, answer.change, by)
+        for a in range(count):
+            w[a] = v[a] + springs.spring[a, 0, 0] * by[a, 0]
+        for c in range(d):
+            along = 0.0
+            for a in range(count):
+                along += krylov[1, c, a] * w[a]
+            for a in range(count):
+                w[a] -= along * krylov[1, c, a]
+                v[a] -= along * krylov[0, c, a]
+        size = along = 0.0
+        for a in range(count):
+            size += w[a] * w[a]
+        if not size > 0.0:
+            return
+        size = np.sqrt(size)
+        for a in range(count):
+            v[a] /= size
+            w[a] /= size
+            along += w[a] * left[a]
+        for a in range(count):
+            used[a] += along * v[a]
+            left[a] -= along * w[a]
+
+
+@kernel(error_model='numpy', forceinline=True)
+def _scaling(x, z, w, out):
+    """Fill out (3, 3) with the scaling W of Nesterov and Todd, W z = W^-1 x, and w (3,) W z.
+
+    x, z (3,) are inside the cone of Lorentz.
+    """
+    dx = np.sqrt(x[0] * x[0] - x[1] * x[1] - x[2] * x[2])
+    dz = np.sqrt(z[0] * z[0] - z[1] * z[1] - z[2] * z[2])
+    inner = (x[0] * z[0] + x[1] * z[1] + x[2] * z[2]) / (dx * dz)
+    half = 0.5 / np.sqrt(0.5 * (1.0 + inner))
+    w0 = half * (x[0] / dx + z[0] / dz)
+    w1, w2 = half * (x[1] / dx - z[1] / dz), half * (x[2] / dx - z[2] / dz)
+    size = np.sqrt(dx / dz)
+    out[0, 0] = size * w0
+    out[0, 1] = out[1, 0] = size * w1
+    out[0, 2] = out[2, 0] = size * w2
+    out[1, 1] = size * (1.0 + w1 * w1 / (1.0 + w0))
+    out[2, 2] = size * (1.0 + w2 * w2 / (1.0 + w0))
+    out[1, 2] = out[2, 1] = size * w1 * w2 / (1.0 + w0)
+    for i in range(3):
+        w[i] = out[i, 0] * z[0] + out[i, 1] * z[1] + out[i, 2] * z[2]
+
+
+@kernel(error_model='numpy', forceinline=True)
+def _inverse(m, out):
+    """Fill out (3, 3) with the inverse of a symmetric matrix m (3, 3)."""
+    c00 = m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1]
+    c01 = m[1, 2] * m[2, 0] - m[1, 0] * m[2, 2]
+    c02 = m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0]
+    d = 1.0 / (m[0, 0] * c00 + m[0, 1] * c01 + m[0, 2] * c02)
+    out[0, 0] = c00 * d
+    out[0, 1] = out[1, 0] = c01 * d
+    out[0, 2] = out[2, 0] = c02 * d
+    out[1, 1] = (m[0, 0] * m[2, 2] - m[0, 2] * m[2, 0]) * d
+    out[1, 2] = out[2, 1] = (m[0, 1] * m[2, 0] - m[0, 0] * m[2, 1]) * d
+    out[2, 2] = (m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]) * d
+
+
+@kernel(error_model='numpy', forceinline=True)
+def _to_boundary(x, d):
+    """Return the largest part, at most 1, of a step d (3,) from x (3,) that stays in the cone."""
+    a = d[0] * d[0] - d[1] * d[1] - d[2] * d[2]
+    b = x[0] * d[0] - x[1] * d[1] - x[2] * d[2]
+    c = x[0] * x[0] - x[1] * x[1] - x[2] * x[2]
+    most = 1.0
+    if d[0] < 0.0:
+        most = min(most, -x[0] / d[0])
+    root = b * b - a * c
+    if root >= 0.0:
+        root = np.sqrt(root)
+        # c + 2 b y + a y^2 = 0, its smallest positive root
+        y = c / (root - b) if b < 0.0 or a < 0.0 else -1.0
+        if y > 0.0:
+            most = min(most, y)
+    return most
+
+
+@kernel(error_model='numpy')
+def interior_step(system, state, hessian, laws, shift, sharp, force, answer, reaction):
+    """Fill forces (A, 3) and the Answer of a step after which all laws hold.
+
+    Return 1 if there is one on which the DLO stands, -1 if it does not stand, 0 if none is found.
+    """
+    count, rows, give = laws.gap.size, laws.rows, laws.give
+    length = np.sum(system.lengths)
+    springs, moved, back = new_springs(count), np.zeros((count, 3)), np.zeros_like(answer.step)
+    x, z, dx, dz = (np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3)),
+                    np.zeros((count, 3)))
+    ax, az, lam, left = np.zeros(3), np.zeros(3), np.zeros((count, 3)), np.zeros((count, 3))
+    scale, unscale, soft = np.zeros((count, 3, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3, 3))
+    square, r, cross, slip = np.zeros((3, 3)), np.zeros(3), np.zeros((count, 3)), np.zeros(count)
+    tau, last = laws.tau, (_SHARP if sharp else _LAST) / _FIRST * laws.tau
+    kept = (_SHARPLY if sharp else _KEPT) * length
+    for a in range(count):
+        mu = laws.friction[a]
+        w = max(laws.gap[a], _CLOSE * length)
+        push = max(tau / w, 0.5 * laws.first[a, 0])
+        if mu > 0.0:
+            slip[a] = np.sqrt(laws.slid[a, 0] ** 2 + laws.slid[a, 1] ** 2)
+            x[a, 0], z[a, 0] = mu * push, w / mu + slip[a]
+        else:
+            x[a, 0], z[a, 0] = push, w
+    more, done, falls, lost, bad, part = 0.0, False, False, 0, 0, 1.0
+    for iteration in range(_MOST):
+        mean = wrong = 0.0
+        for a in range(count):
+            mu = laws.friction[a]
+            mean += (x[a, 0] * z[a, 0] + x[a, 1] * z[a, 1] + x[a, 2] * z[a, 2]) / count
+            if not mu > 0.0:
+                left[a, 0] = (laws.gap[a] + moved[a, 0] + give * (x[a, 0] - laws.first[a, 0])
+                              - z[a, 0])
+                soft[a, 0, 0] = 1.0 / (z[a, 0] / x[a, 0] + give)
+                springs.spring[a, 0, 0] = soft[a, 0, 0]
+                wrong = max(wrong, abs(left[a, 0]))
+                continue
+            slip[a] = np.sqrt((laws.slid[a, 0] + moved[a, 1]) ** 2
+                              + (laws.slid[a, 1] + moved[a, 2]) ** 2)
+            left[a, 0] = (laws.gap[a] + moved[a, 0] + give * (x[a, 0] / mu - laws.first[a, 0])
+                          ) / mu + slip[a] - z[a, 0]
+            for q in (1, 2):
+                left[a, q] = (laws.slid[a, q - 1] + moved[a, q]
+                              + give * (x[a, q] - laws.first[a, q]) - z[a, q])
+            for q in range(3):
+                wrong = max(wrong, abs(left[a, q]))
+            _scaling(x[a], z[a], lam[a], scale[a])
+            _inverse(scale[a], unscale[a])
+            for i in range(3):
+                for j in range(3):
+                    square[i, j] = (unscale[a, i, 0] * unscale[a, 0, j]
+                                    + unscale[a, i, 1] * unscale[a, 1, j]
+                                    + unscale[a, i, 2] * unscale[a, 2, j])
+            square[0, 0] += give / mu**2
+            square[1, 1] += give
+            square[2, 2] += give
+            _inverse(square, soft[a])
+            for i in range(3):
+                for j in range(3):
+                    springs.spring[a, i, j] = soft[a, i, j] / (
+                        (mu if i == 0 else 1.0) * (mu if j == 0 else 1.0))
+        near = mean <= _LAST / _FIRST * laws.tau and wrong < _KEPT * length
+        if iteration > 0 and (mean <= last and wrong < kept
+                              or near and (part < _STUCK or iteration > _PATIENCE)):
+            done = bad == 0
+            falls = not done
+            break
+        _put_springs(state.attached, rows, laws.given_nodes, laws.given_points, springs.spring)
+        assemble(system, state, hessian)
+        bad = factorize(system, hessian, shift)
+        lost = 0 if bad == 0 else lost + 1
+        more = 0.0 if bad == 0 or count == 0 else 0.25 * more
+        if bad > 0 and (count == 0 or mean <= last or lost > _LOST):
+            falls = True
+            break
+        unstable = bad > 0
+        while bad > 0 and more < _MOST_SHIFT:
+            more = max(_LEAST_SHIFT, 4.0 * more)
+            bad = factorize(system, hessian, shift + more)
+        if bad > 0:
+            falls = True
+            break
+        bad = int(unstable)
+        target, part = 0.0, 1.0
+        for stage in range(2):
+            for a in range(count):
+                mu = laws.friction[a]
+                if not mu > 0.0:
+                    r[0] = (target - cross[a, 0] * stage) / x[a, 0] - z[a, 0] - left[a, 0]
+                    springs.force[a, 0] = x[a, 0] + soft[a, 0, 0] * (r[0] + moved[a, 0])
+                    continue
+                one, two, three = lam[a]
+                # the arrow of lam, inverted, times target e - cross
+                b0, b1, b2 = target, 0.0, 0.0
+                if stage > 0:
+                    b0, b1, b2 = b0 - cross[a, 0], b1 - cross[a, 1], b2 - cross[a, 2]
+                det = one * one - two * two - three * three
+                first = (one * b0 - two * b1 - three * b2) / det
+                second = (b1 - two * first) / one
+                third = (b2 - three * first) / one
+                ax[0], ax[1], ax[2] = first - one, second - two, third - three
+                for i in range(3):
+                    r[i] = (unscale[a, i, 0] * ax[0] + unscale[a, i, 1] * ax[1]
+                            + unscale[a, i, 2] * ax[2] - left[a, i]
+                            + moved[a, i] / (mu if i == 0 else 1.0))
+                for i in range(3):
+                    push = x[a, i]
+                    for j in range(3):
+                        push += soft[a, i, j] * r[j]
+                    springs.force[a, i] = push / (mu if i == 0 else 1.0)
+            _solve_linear(system, state, hessian, laws, springs, more, back, answer, reaction,
+                          bad < 0)
+            part = 1.0
+            for a in range(count):
+                mu = laws.friction[a]
+                if not mu > 0.0:
+                    dx[a, 0] = (springs.force[a, 0] - soft[a, 0, 0] * answer.moved[a, 0]
+                                - x[a, 0])
+                    dz[a, 0] = (left[a, 0] + answer.moved[a, 0] - moved[a, 0]
+                                + give * dx[a, 0])
+                    if dx[a, 0] < 0.0:
+                        part = min(part, -x[a, 0] / dx[a, 0])
+                    if dz[a, 0] < 0.0:
+                        part = min(part, -z[a, 0] / dz[a, 0])
+                    continue
+                for i in range(3):
+                    dx[a, i] = springs.force[a, i]
+                    for j in range(3):
+                        dx[a, i] -= springs.spring[a, i, j] * answer.moved[a, j]
+                    dx[a, i] = dx[a, i] * (mu if i == 0 else 1.0) - x[a, i]
+                    dz[a, i] = (left[a, i] + (answer.moved[a, i] - moved[a, i])
+                                / (mu if i == 0 else 1.0)
+                                + give / (mu * mu if i == 0 else 1.0) * dx[a, i])
+                part = min(part, _to_boundary(x[a], dx[a]))
+                part = min(part, _to_boundary(z[a], dz[a]))
+            if stage > 0 or count == 0:
+                break
+            after = 0.0
+            for a in range(count):
+                for i in range(3):
+                    after += (x[a, i] + part * dx[a, i]) * (z[a, i] + part * dz[a, i]) / count
+            target = max(min(1.0, max(after / mean, 0.0) ** 3), _CENTERED) * mean
+            target = max(target, 0.3 * last)
+            for a in range(count):
+                if not laws.friction[a] > 0.0:
+                    cross[a, 0] = dx[a, 0] * dz[a, 0]
+                    continue
+                for i in range(3):
+                    ax[i] = (unscale[a, i, 0] * dx[a, 0] + unscale[a, i, 1] * dx[a, 1]
+                             + unscale[a, i, 2] * dx[a, 2])
+                    az[i] = (scale[a, i, 0] * dz[a, 0] + scale[a, i, 1] * dz[a, 1]
+                             + scale[a, i, 2] * dz[a, 2])
+                cross[a, 0] = ax[0] * az[0] + ax[1] * az[1] + ax[2] * az[2]
+                cross[a, 1] = ax[0] * az[1] + az[0] * ax[1]
+                cross[a, 2] = ax[0] * az[2] + az[0] * ax[2]
+        part = min(1.0, _SHORT * part)
+        for a in range(count):
+            for i in range(3):
+                x[a, i] += part * dx[a, i]
+                z[a, i] += part * dz[a, i]
+                moved[a, i] += part * (answer.moved[a, i] - moved[a, i])
+        for j in range(back.shape[0]):
+            for i in range(3):
+                back[j, i] += part * (answer.step[j, i] - back[j, i])
+        if count == 0:
+            done = True
+            break
+    _restore(state.attached, rows, laws.given_nodes, laws.given_points)
+    for a in range(count):
+        mu = laws.friction[a]
+        force[a, 0] = x[a, 0] / mu if mu > 0.0 else x[a, 0]
+        force[a, 1], force[a, 2] = x[a, 1], x[a, 2]
+    for j in range(back.shape[0]):
+        for i in range(3):
+            answer.step[j, i] = back[j, i]
+    return -1 if falls else 1 if done else 0
+
+
+@kernel(error_model='numpy')
+def exact_step(system, state, hessian, laws, shift, force, answer, reaction):
+    """Do what `interior_step` does, beginning with what bears, sticks and slides by now.
+
+    A semismooth Newton method: it ends where all contacts do in the end what they were taken to do.
+    What slides rubs with its limit exactly then.
+    """
+    count, rows, firm = laws.gap.size, laws.rows, 1.0 / laws.give
+    springs, none = new_springs(count), np.zeros_like(answer.step)
+    bears, slides, z = (np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.bool_),
+                        np.zeros((count, 2)))
+    p, least = np.empty(count), _BEARS * laws.whole / system.lengths.size
+    moved, found = np.zeros((count, 3)), 0
+    for a in range(count):
+        p[a] = laws.first[a, 0]
+        bears[a] = p[a] > least
+        one, other = laws.first[a, 1], laws.first[a, 2]
+        size = np.sqrt(one * one + other * other)
+        slides[a] = bears[a] and size > _STICKS * laws.friction[a] * p[a]
+        away = np.sqrt(laws.slid[a, 0] ** 2 + laws.slid[a, 1] ** 2)
+        for r in range(2):
+            along = -laws.first[a, 1 + r] / size if size > 0.0 else 0.0
+            z[a, r] = (size + firm * away) * along
+    for _ in range(_FEW):
+        for a in range(count):
+            springs.normal[a] = p[a]
+            for i in range(3):
+                springs.force[a, i] = 0.0
+                for j in range(3):
+                    springs.spring[a, i, j] = 0.0
+            springs.pulls[a, 0] = springs.pulls[a, 1] = 0.0
+            if not bears[a]:
+                continue
+            springs.spring[a, 0, 0] = firm
+            springs.force[a, 0] = laws.first[a, 0] - firm * laws.gap[a]
+            if not laws.friction[a] > 0.0:
+                continue
+            size = np.sqrt(z[a, 0] ** 2 + z[a, 1] ** 2)
+            limit = laws.friction[a] * max(p[a], 0.0)
+            for r in range(2):
+                if not slides[a]:
+                    springs.spring[a, 1 + r, 1 + r] = firm
+                    springs.force[a, 1 + r] = laws.first[a, 1 + r] - firm * laws.slid[a, r]
+                    continue
+                springs.pulls[a, r] = -laws.friction[a] * z[a, r] / size
+                springs.force[a, 1 + r] = -limit * z[a, r] / size
+                for q in range(2):
+                    springs.spring[a, 1 + r, 1 + q] = firm * limit / size * (
+                        (r == q) - z[a, r] * z[a, q] / size**2)
+                    springs.force[a, 1 + r] += (springs.spring[a, 1 + r, 1 + q]
+                                                * moved[a, 1 + q])
+        _put_springs(state.attached, rows, laws.given_nodes, laws.given_points, springs.spring)
+        assemble(system, state, hessian)
+        if factorize(system, hessian, shift) > 0:
+            found = -1
+            break
+        _solve_linear(system, state, hessian, laws, springs, 0.0, none, answer, reaction,
+                      laws.rubs)
+        same, change = True, 0.0
+        for a in range(count):
+            for i in range(3):
+                moved[a, i] = answer.moved[a, i]
+            push = laws.first[a, 0] - firm * (laws.gap[a] + moved[a, 0])
+            change = max(change, abs(max(push, 0.0) - p[a]))
+            p[a] = max(push, 0.0)
+            same = same and (push > 0.0) == bears[a]
+            bears[a] = push > 0.0
+            if not laws.friction[a] > 0.0:
+                continue
+            square = 0.0
+            for r in range(2):
+                now = firm * (laws.slid[a, r] + moved[a, 1 + r]) - laws.first[a, 1 + r]
+                if bears[a] and slides[a]:
+                    change = max(change, laws.friction[a] * p[a] * abs(now - z[a, r]) / (
+                        abs(now) + abs(z[a, r])))
+                z[a, r] = now
+                square += now * now
+            beyond = bears[a] and square > (laws.friction[a] * p[a]) ** 2
+            same = same and (not bears[a] or beyond == slides[a])
+            slides[a] = beyond
+        if same and change < _SETTLED * laws.whole:
+            found = 1
+            break
+    _restore(state.attached, rows, laws.given_nodes, laws.given_points)
+    for a in range(count):
+        size = np.sqrt(z[a, 0] ** 2 + z[a, 1] ** 2)
+        limit = laws.friction[a] * p[a]
+        force[a, 0] = p[a]
+        for r in range(2):
+            force[a, 1 + r] = -z[a, r] * (limit / size if size > limit else 1.0)
+    return found
+
+
+@kernel
+def world_forces(laws, force):
+    """Return forces (A, 3) as normal forces (A,) and friction (A, 3) as derivatives, world axes."""
+    count = force.shape[0]
+    normal, shear = np.empty(count), np.empty((count, 3))
+    for a in range(count):
+        normal[a] = force[a, 0]
+        for i in range(3):
+            shear[a, i] = -(force[a, 1] * laws.rows.frame[a, 1, i]
+                            + force[a, 2] * laws.rows.frame[a, 2, i])
+    return normal, shear
+
+
+@kernel
+def put_change(system, state, hessian, laws, force, part, right):
+    """Fill right (m, 3) with what changes as a part of a step is made: gradient and forces."""
+    change = force - laws.first
+    for j in range(right.shape[0]):
+        for i in range(3):
+            right[j, i] = -part * state.gradient[j, i]
+    add_loads(system, hessian, laws.rows, change, right)

@@ -1,0 +1,451 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A DLO comes to rest among obstacles from anywhere: pseudo-transient continuation.
+
+The DLO follows its gradient flow, in the metric of elasticity, by linearly implicit steps,
+
+    (H + shift I) dq = -gradient + forces of contacts,
+
+in which contacts obey their laws exactly, about linear geometry (`minimize.interior_point`). The
+shift becomes small as the flow comes to rest, and then this is Newton's method (Kelley and Keyes,
+SIAM J. Numer. Anal. 35, 1998). A step is good if the gradient after it is about what it should be;
+the shift is chosen by that. No potential is asked: friction has none. It counts from where the DLO
+was before the gripper moved.
+
+All that is near an obstacle is a candidate for contact: nodes, and points inside elements that are
+nearer than these. A point stays where it is on the DLO during a step, and is chosen anew after it.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.gap import (
+    clear_between,
+    gap_at,
+    is_face,
+    minima_in_element,
+    near_gaps,
+    node_gap,
+    node_range,
+    taper,
+)
+from dlo_planner.energy.grip import move_multipliers
+from dlo_planner.energy.inertia import inertial_stiffness
+from dlo_planner.energy.problem import bending_energy, is_to_end, new_configuration
+from dlo_planner.energy.scene import MESH, is_convex
+from dlo_planner.energy.terms import forbids
+from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.geometry.record import put_sum, replaced
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.active_set import contact_candidates, gap_slope, rolled_to
+from dlo_planner.minimize.contact_table import (
+    kkt_residual,
+    place_before,
+    with_contacts,
+    with_contacts_of,
+    with_springs,
+)
+from dlo_planner.minimize.hessian import largest_turn, new_hessian
+from dlo_planner.minimize.interior_point import (
+    exact_step,
+    interior_step,
+    new_answer,
+    put_change,
+    step_laws,
+    world_forces,
+)
+from dlo_planner.minimize.kkt import add_to, dot
+from dlo_planner.minimize.semismooth import (
+    crosses_a_sheet,
+    forces,
+    is_halfway,
+    no_reaction,
+    place,
+)
+
+_COST = 30        # of a step, relative to one of Newton's method for a DLO that hangs freely
+_TURN = 0.5       # rad: no step turns a node by more
+_NEAR, _FARTHEST = 0.05, 0.5  # of the length: candidates have smaller gaps, at first and at most
+_FARTHER = 4.0    # times that reach, where a step has met what was not seen
+# The shift, relative to elasticity and loads: where it begins, its least and most, times the first
+_LEAST_SHIFT, _FLOOR, _MOST_SHIFT = 1e-3, 1e-4, 1e9
+_SLIGHTLY = 1e-2  # times the first one: one that hardly counts
+_LARGER, _SMALLER = 4.0, 0.1  # most and least that it is multiplied by
+_AIM, _BAD = 0.3, 1.0  # wrong part of the gradient after a step: as it should be; too large
+# What is left of the shift with which the DLO did not stand, after a step that went well; times
+# the second one after a step as foreseen, with an error below the third
+_FORGOTTEN, _AFRESH, _ALMOST = 0.8, 0.3, 1e-2
+_EASY, _QUIET = 0.02, 1e-3  # rad, residual: after such a step contacts hardly change
+_DEEPER = 0.3     # of a step: how much deeper than foreseen it may bring a contact
+_SLIGHT = 1e-5    # of the length: a depth that is always allowed
+_DEPTH = 10.0     # times the residual, of the length: how deep a contact may be at the end
+_SOFT = 1e-10     # of the loads per length: springs that hardly push
+_TINY = 1e-15     # of the loads: the force of a candidate
+_BEARS = 1e-4     # of the loads that an element has: a smaller force is none
+_FIRM = 1e3       # times that: a force that is one in spite of a gap
+_STICKS = 0.99    # of its limit: friction below holds what it acts on
+# Of the length: a point inside an element is a candidate that is deeper in an obstacle than its
+# nodes by this much; far from rest by as much as the residual times the second, at most the third
+_FINE, _FINER, _COARSE = 1e-7, 1e-5, 2e-6
+_BULGES = 1e-3    # of an element: one that comes nearer than its nodes by more is watched there
+_APART, _SAME = 0.02, 1e-9  # of an element: points that are nearer are one; differ by rounding
+_BESIDE = 0.01    # of an element: a point in it is not nearer to a node
+
+
+@kernel
+def settle(system, q, previous, rough, most, flow):
+    """Return Problem with its contact forces, unknowns, steps and residual, where the flow rests.
+
+    At rest the residual is below `rough`, and no gap below -rough times the length; the flow also
+    ends after `most` steps. `flow` (1,) is the shift, here and where it ends.
+    """
+    length, hold = np.sum(system.lengths), system.effects.hold
+    rigidity = bending_energy(system) / length
+    loads, reaction, whole = (np.sum(np.abs(system.effects.load.pull)), no_reaction(system),
+                              loads_on(system))
+    least, near = _LEAST_SHIFT * (1.0 + loads / rigidity), _NEAR * length
+    state, hessian = new_configuration(system), new_hessian(system)
+    trial, right, wrong = new_configuration(system), np.empty_like(q), np.empty_like(q)
+    state.q[:] = q
+    place(system, state)
+    loaded = with_candidates(system, state, previous, near, whole, 1.0)
+    state, residual, table, _ = kkt_residual(loaded, state.q)
+    shift, steps, stands, easy, falls = flow[0], 0, False, False, -1.0
+    floor, largest, worked = _FLOOR * least, _MOST_SHIFT * least, np.zeros(1)
+    while steps < most and shift < largest:
+        if (stands or shift < _SLIGHTLY * least) and residual < rough and deepest(table) < (
+                max(_DEPTH * rough, 2.0 * _FINE) * length):
+            break
+        steps += 1
+        if is_to_end(worked, system, _COST):
+            break
+        part, error, turn, met = 0.0, np.inf, np.inf, False
+        _, shear = forces(table, state)
+        laws = step_laws(loaded, state, table, shear, 1.0 / (1.0 + shift), reaction.size)
+        answer, force = new_answer(q.shape[0], table.gap.size), np.zeros((table.gap.size, 3))
+        found = 0
+        if easy:
+            found = exact_step(loaded, state, hessian, laws, shift, force, answer, reaction)
+        if found < 1:
+            found = interior_step(loaded, state, hessian, laws, shift, easy, force, answer,
+                                  reaction)
+        if found > 0:
+            turn = largest_turn(loaded, hessian, answer.step)
+            if turn < np.inf:
+                part = min(1.0, _TURN / max(_TURN, turn))
+        if part > 0.0:
+            put_sum(state.q, part, answer.step, trial.q)
+            place(system, trial)
+            met = (not crosses_a_sheet(loaded, state)
+                   and forbids(system.effects, system, state, trial))
+        if part > 0.0 and not met:
+            for a in range(table.gap.size):
+                for i in range(3):
+                    force[a, i] = laws.first[a, i] + part * (force[a, i] - laws.first[a, i])
+            normal, shear = world_forces(laws, force)
+            after = with_forces(loaded, table, normal, shear, whole)
+            move_multipliers(hold, part, reaction)
+            there, later, its_table, _ = kkt_residual(after, trial.q)
+            put_sum(there.gradient, part * shift, answer.step, wrong)
+            add_to(wrong, part - 1.0, state.gradient)
+            put_change(loaded, state, hessian, laws, force, part, right)
+            left, error = dot(wrong, wrong), 0.0
+            size = max(dot(right, right), part * part * shift * shift * dot(answer.step,
+                                                                            answer.step))
+            if left != 0.0:  # else it rests already, as a DLO upright on its tip may
+                error = np.sqrt(left / size) if size > 0.0 else np.inf
+            after = with_candidates(after, there, previous, near, whole, later)
+            there, later, its_table, _ = kkt_residual(after, there.q)
+            moved = part * turn * length
+            unseen = deepest(its_table) - deepest(table) - _SLIGHT * length
+            if error < _BAD and unseen > _DEEPER * moved and near < _FARTHEST * length:
+                near = min(_FARTHER * near, _FARTHEST * length)
+                move_multipliers(hold, -part, reaction)
+                loaded = with_candidates(loaded, state, previous, near, whole, residual)
+                state, residual, table, _ = kkt_residual(loaded, state.q)
+                continue
+            if unseen > 0.0:
+                error = max(error, unseen / (_DEEPER * moved))
+            if not error < _BAD:
+                error = np.inf  # it may be no number
+                move_multipliers(hold, -part, reaction)
+        if error < _BAD:
+            stands, easy = shift == 0.0 and part == 1.0, turn < _EASY and later < _QUIET
+            loaded, state, residual, table = after, there, later, its_table
+        if found < 1:
+            falls = max(falls, shift)
+        shift, falls = next_shift(shift, error, falls, floor)
+    flow[0] = shift if shift < largest else 0.0
+    return loaded, state.q, steps, residual
+
+
+@kernel
+def next_shift(shift, error, falls, floor):
+    """Return the shift of the next step of a flow, and that with which the DLO does not stand.
+
+    After a step with such an error, infinite if it is not made. Where the DLO falls its flow leaves
+    an equilibrium that is none any more, the faster the nearer the shift is to that with which it
+    does not stand (`falls`; -1: it stands with any). It is approached, not tried at each step.
+
+    Args:
+        floor: smaller shifts are none
+    """
+    factor = error / _AIM
+    if factor > 1.0:
+        shift = max(shift, floor) * min(factor * factor, _LARGER)
+    else:
+        smaller = shift * max(factor, _SMALLER)
+        if falls >= 0.0:
+            smaller = max(smaller, np.sqrt(max(falls, floor) * shift))
+            falls *= _FORGOTTEN * (_AFRESH if error < _ALMOST else 1.0)
+        shift = smaller
+    if shift < floor:
+        return 0.0, -1.0
+    return shift, falls
+
+
+@kernel
+def may_rub(system):
+    """Whether any obstacle has friction."""
+    return np.any(system.effects.contact.scene.friction > 0.0)
+
+
+@kernel
+def loads_on(system):
+    """Return the size of all forces on a DLO, N: of loads, inertia and its own rigidity."""
+    length = np.sum(system.lengths)
+    return (np.sum(np.abs(system.effects.load.pull)) + bending_energy(system) / length
+            + inertial_stiffness(system.effects.anchor) * length)
+
+
+@kernel
+def with_candidates(system, state, previous, near, whole, residual):
+    """Return the Problem whose contacts are all that is near: nodes, and points inside elements.
+
+    With the forces of those that were known, and next to none of others. All that may rub has a
+    point of friction, whose force is a load.
+    """
+    scene, old, lengths = (system.effects.contact.scene, system.effects.contact.contacts,
+                           system.lengths)
+    n, k = lengths.size, _SOFT * whole / np.sum(lengths)
+    tiny = _TINY * whole
+    fine = np.sum(lengths) * min(max(_FINE, _FINER * residual), _COARSE)
+    most = scene.kind.size * 3 * n + old.element.size + 1
+    element, obstacle = np.empty(2 * most, dtype=np.int64), np.empty(2 * most, dtype=np.int64)
+    multiplier, fraction = np.zeros(2 * most), np.zeros(2 * most)
+    anchor, normals, shear = np.zeros((2 * most, 3)), np.zeros((2 * most, 3)), np.zeros(
+        (2 * most, 3))
+    node = np.zeros_like(old.node)
+    at, places = rolled_to(system, state)
+    faces, bears = False, _BEARS * whole / n
+    gap2, where = np.empty(2), np.empty(2)
+    x, normal, hessian, offset = np.empty(3), np.empty((n + 1, 3)), np.empty((3, 3)), np.zeros(
+        (n + 1, 2))
+    count = 0
+    for o in range(scene.kind.size):
+        if is_face(scene, o):
+            faces = True
+            continue
+        pushes = old.node[o]
+        gaps = near_gaps(scene, o, lengths, pushes, state.strains, state.rotations,
+                         state.positions, near)
+        begin, end = node_range(scene, o, n)
+        for b in range(max(1, begin), end + 1):
+            if gaps[b] < np.inf:
+                node_gap(scene, o, b, state.rotations, state.positions, offset[b], x, normal[b],
+                         hessian)
+        for b in range(max(1, begin), end + 1):
+            if not gaps[b] < near or is_halfway(scene, o, b, gaps[b]):
+                continue
+            node[o, b] = max(pushes[b], tiny) + k * gaps[b]
+            if scene.friction[o] > 0.0:
+                element[count], obstacle[count], fraction[count] = b - 1, -1 - o, 1.0
+                normals[count] = normal[b]
+                count += 1
+        first = begin
+        if begin == 0:  # (the gripper's end is no candidate, but its element may be)
+            gaps[0] = node_gap(scene, o, 0, state.rotations, state.positions, offset[0], x,
+                               normal[0], hessian)
+        for e in range(first, end):
+            close = min(gaps[e], gaps[e + 1])
+            if not close < 0.5 * lengths[e] or max(gaps[e], gaps[e + 1]) == np.inf:
+                continue
+            if scene.kind[o] == MESH and clear_between(
+                    scene, o, e, gaps[e], gaps[e + 1], lengths, state.strains, state.rotations,
+                    state.positions):
+                continue
+            grows = taper(scene, o, e) / lengths[e]
+            if is_convex(scene, o) and (
+                    gap_slope(state.rotations[e], state.strains[e], offset[e], normal[e]) >= grows
+                    or gap_slope(state.rotations[e + 1], state.strains[e], offset[e + 1],
+                                 normal[e + 1]) <= grows):
+                continue  # a convex body is nearest at a node
+            found = minima_in_element(scene, o, e, lengths, state.strains, state.rotations,
+                                      state.positions, gap2, where)
+            for c in range(found):
+                if not (gap2[c] < close - _BULGES * lengths[e] or gap2[c] < min(0.0, close) - fine):
+                    continue
+                f, known = min(max(where[c], _BESIDE), 1.0 - _BESIDE), False
+                for b in range(old.element.size):
+                    known |= (old.obstacle[b] == o and at[b] == e and old.multiplier[b] > bears
+                              and abs(places[b] - e - f) < _APART)
+                if known:
+                    continue
+                element[count], obstacle[count], fraction[count] = e, o, f
+                multiplier[count] = tiny + k * gap2[c]
+                count += 1
+                if scene.friction[o] > 0.0:
+                    element[count], obstacle[count], fraction[count] = e, -1 - o, f
+                    _put_normal(scene, system, state, o, e, f, normals[count])
+                    count += 1
+    for b in range(old.element.size):  # what bears goes on
+        o = old.obstacle[b]
+        if o < 0 or is_face(scene, o) or not old.multiplier[b] > bears:
+            continue
+        f = min(max(places[b] - at[b], _BESIDE), 1.0 - _BESIDE)
+        element[count], obstacle[count], fraction[count] = at[b], o, f
+        multiplier[count] = old.multiplier[b]
+        count += 1
+        if scene.friction[o] > 0.0:
+            element[count], obstacle[count], fraction[count] = at[b], -1 - o, f
+            _put_normal(scene, system, state, o, at[b], f, normals[count])
+            count += 1
+    if faces:
+        inside, _ = contact_candidates(system, state, places)
+        for c in range(inside.shape[0]):
+            e, o = inside[c]
+            if is_face(scene, o):
+                best = -1
+                for b in range(old.element.size):
+                    if old.obstacle[b] == o and abs(at[b] - e) <= 1:
+                        best = b
+                element[count], obstacle[count] = e, o
+                multiplier[count] = tiny + (max(0.0, old.multiplier[best]) if best >= 0 else 0.0)
+                count += 1
+    for c in range(count):
+        if obstacle[c] >= 0:
+            continue
+        place_before(system, state, previous, element[c], fraction[c], anchor[c])
+        best, nearest = -1, _SAME
+        for b in range(old.element.size):
+            if old.obstacle[b] == obstacle[c] and (old.fraction[b] == 1.0) == (fraction[c] == 1.0):
+                away = abs(old.element[b] + old.fraction[b] - element[c] - fraction[c])
+                if away < nearest:
+                    best, nearest = b, away
+        size = 0.0
+        if best >= 0:
+            along = 0.0
+            for i in range(3):
+                along += old.shear[best, i] * normals[c, i]
+            for i in range(3):
+                shear[c, i] = old.shear[best, i] - along * normals[c, i]
+                size += shear[c, i] ** 2
+        multiplier[c] = 2.0 * np.sqrt(size) + tiny
+    contacts = with_contacts_of(
+        with_springs(old, k, node, old.multiplier), element[:count], obstacle[:count],
+        multiplier[:count], fraction[:count], anchor[:count], normals[:count], shear[:count])
+    return with_contacts(system, _with_grip(contacts, k), scene)
+
+
+@kernel
+def _with_grip(contacts, grip):
+    """Return the same ContactSet with points of friction of another stiffness, N/m."""
+    return replaced(contacts, 'grip', grip)
+
+
+@kernel
+def _put_normal(scene, system, state, o, e, fraction, normal):
+    """Fill the normal (3,) of a body at a point inside an element."""
+    rotation, x, offset, point, hessian = (np.empty((3, 3)), np.empty(3), np.zeros(2), np.empty(3),
+                                           np.empty((3, 3)))
+    point_inside(system.lengths, state.strains, state.rotations, state.positions, e, fraction,
+                 rotation, x)
+    gap_at(scene, o, rotation, x, 0.0, offset, point, normal, hessian)
+
+
+@kernel
+def with_forces(system, table, normal, shear, whole):
+    """Return the Problem with forces, normal (A,) and across (A, 3), of the contacts in a table."""
+    old = system.effects.contact.contacts
+    tiny = _TINY * whole
+    contacts = replaced(old, 'node', old.node.copy(), 'multiplier', old.multiplier.copy(),
+                        'shear', old.shear.copy())
+    for a in range(table.gap.size):
+        force, c = max(normal[a], tiny), table.rubbing[a]
+        if table.inside[a] < 0:
+            contacts.node[table.obstacle[a], table.element[a] + 1] = force
+        else:
+            contacts.multiplier[table.inside[a]] = force
+        if c >= 0:
+            size = 0.0
+            for i in range(3):
+                contacts.shear[c, i] = shear[a, i]
+                size += shear[a, i] ** 2
+            contacts.multiplier[c] = 2.0 * np.sqrt(size) + tiny
+    return with_contacts(system, contacts, system.effects.contact.scene)
+
+
+@kernel
+def deepest(table):
+    """Return how deep, in m, a contact is inside its obstacle."""
+    depth = 0.0
+    for a in range(table.gap.size):
+        depth = max(depth, -table.gap[a])
+    return depth
+
+
+@kernel
+def with_bearing(system, q, given, exactly):
+    """Return the Problem with the contacts that bear alone at q (m, 3), their springs as `given`.
+
+    `exactly`: their multipliers are such that springs push with the forces that there are.
+    """
+    whole = loads_on(system)
+    state, _, table, _ = kkt_residual(system, q)
+    scene, old = system.effects.contact.scene, system.effects.contact.contacts
+    friction, bears = scene.friction, _BEARS * whole / system.lengths.size
+    fine = _FINE * np.sum(system.lengths)
+    normal, shear = forces(table, state)
+    kept = np.zeros(old.element.size, dtype=np.bool_)
+    node, multiplier, fraction = (np.zeros_like(old.node), np.zeros(old.element.size),
+                                  old.fraction.copy())
+    rotation, x, traction, normals = (np.empty((3, 3)), np.empty(3), old.shear.copy(),
+                                      old.normal.copy())
+    for a in range(table.gap.size):
+        if not (normal[a] > bears and (table.gap[a] < fine or normal[a] > _FIRM * bears)):
+            continue
+        o, c = table.obstacle[a], table.inside[a]
+        spring = given.stiffness * table.gap[a] if exactly else 0.0
+        if c < 0:
+            node[o, table.element[a] + 1] = normal[a] + spring
+        else:
+            kept[c], multiplier[c] = True, normal[a] + spring
+        c = table.rubbing[a]
+        if c >= 0:
+            limit, out = friction[o] * normal[a], 0.0
+            kept[c], multiplier[c] = True, limit
+            for i in range(3):
+                normals[c, i] = table.normal[a, i]
+                out += shear[a, i] * table.normal[a, i]
+            for i in range(3):
+                shear[a, i] -= out * table.normal[a, i]
+                traction[c, i] = shear[a, i]
+            point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                         old.element[c], old.fraction[c], rotation, x)
+            size = np.sqrt(np.sum(shear[a] ** 2))
+            out = along = 0.0
+            for i in range(3):
+                x[i] -= old.anchor[c, i]
+                out += x[i] * normals[c, i]
+            for i in range(3):
+                x[i] -= out * normals[c, i]
+                along += x[i] * shear[a, i]
+            # what sticks has its force wherever in the compliance of the step it has come to rest
+            slid = along > fine * size
+            if exactly and not (slid and size > _STICKS * limit):
+                for i in range(3):
+                    traction[c, i] -= given.grip * x[i]
+    springs = _with_grip(with_springs(old, given.stiffness, node, multiplier), given.grip)
+    contacts = with_contacts_of(springs, old.element[kept], old.obstacle[kept], multiplier[kept],
+                                fraction[kept], old.anchor[kept], normals[kept],
+                                traction[kept])
+    return with_contacts(system, contacts, scene)

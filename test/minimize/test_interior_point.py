@@ -1,0 +1,213 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""All contact forces of a step at once: scaling, laws, and cables that are laid on a table."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import Box, DirectSimulator, Plane, Pose, Rod
+from dlo_planner.minimize.contact_table import kkt_residual
+from dlo_planner.minimize.hessian import assemble, new_hessian
+from dlo_planner.minimize.interior_point import (
+    _scaling,
+    _to_boundary,
+    add_loads,
+    exact_step,
+    interior_step,
+    new_answer,
+    put_motions,
+    step_laws,
+)
+from dlo_planner.minimize.quasi_static import (
+    loads_on,
+    next_shift,
+    with_bearing,
+    with_candidates,
+)
+from dlo_planner.minimize.semismooth import forces
+
+CABLE = Rod(1.0, 0.035, 1.2e-3, 9e-4, radius=0.0025)  # a USB cable of 5 mm
+NONE = np.zeros((0, 6))
+
+
+def pose(height, pitch=30.0, x=0.0):
+    return Pose((x, 0, height), Rotation.from_euler('y', pitch, degrees=True).as_quat())
+
+
+def laid(friction, heights, elements=64):
+    """Return the Shapes of a cable that is lowered on a table."""
+    direct = DirectSimulator(CABLE, basis='local', n_elements=elements,
+                             obstacles=[Plane((0, 0, 0), (0, 0, 1), friction=friction)])
+    shapes = [direct.solve(pose(heights[0]))]
+    for height in heights[1:]:
+        shapes.append(direct.solve(pose(height), shapes[-1]))
+    return shapes
+
+
+def near_a_table(friction, seed=0):
+    """Return Problem, Configuration, table and reaction of a cable near a table, not at rest."""
+    direct = DirectSimulator(CABLE, basis='local', n_elements=24,
+                             obstacles=[Plane((0, 0, -0.05), (0, 0, 1), friction=friction)])
+    mesh = direct.mesh
+    system = mesh.system(np.eye(3), np.zeros(3), mesh.past(None, None))
+    # (it bends downwards and up again, and is curved to the side)
+    q = np.random.default_rng(seed).normal(scale=1e-3, size=(24, 3))
+    q[:8, 1] += 0.006
+    q[8:16, 1] -= 0.006
+    system = with_candidates(system, kkt_residual(system, q)[0], NONE, 0.1, loads_on(system), 1.0)
+    state, _, table, _ = kkt_residual(system, q)
+    assert table.gap.size > 3
+    return system, state, table
+
+
+def test_the_scaling_takes_both_points_to_one():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        x, z = np.zeros(3), np.zeros(3)
+        for point in (x, z):
+            point[1:] = rng.normal(size=2)
+            point[0] = np.linalg.norm(point[1:]) + rng.exponential(0.1) + 1e-6
+        scale, middle = np.empty((3, 3)), np.empty(3)
+        _scaling(x, z, middle, scale)
+        np.testing.assert_allclose(scale @ middle, x, rtol=1e-7)
+        np.testing.assert_allclose(middle, scale @ z, rtol=1e-12)
+        np.testing.assert_allclose(scale, scale.T)
+
+
+def test_a_step_ends_at_the_boundary_of_its_cone():
+    rng = np.random.default_rng(1)
+    inside = shortened = 0
+    for _ in range(200):
+        x = np.r_[0.0, rng.normal(size=2)]
+        x[0] = np.linalg.norm(x[1:]) + rng.exponential()
+        step = 3.0 * rng.normal(size=3)
+        part = _to_boundary(x, step)
+        at = x + np.linspace(0.0, part, 101)[:, None] * step
+        room = at[:, 0] - np.linalg.norm(at[:, 1:], axis=1)
+        assert 0.0 < part <= 1.0 and room.min() > -1e-9
+        if part < 1.0:
+            assert room[-1] == pytest.approx(0.0, abs=1e-9)
+            shortened += 1
+        inside += part == 1.0
+    assert inside > 20 and shortened > 20
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.5])
+def test_loads_are_the_transpose_of_motions(friction):
+    system, state, table = near_a_table(friction)
+    _, shear = forces(table, state)
+    laws = step_laws(system, state, table, shear, 1.0, 0)
+    hessian = new_hessian(system)
+    assemble(system, state, hessian)
+    rng = np.random.default_rng(2)
+    step, force = rng.normal(size=state.q.shape), rng.normal(size=(table.gap.size, 3))
+    moved, right = np.zeros((table.gap.size, 3)), np.zeros_like(step)
+    put_motions(system, hessian, laws.rows, step, moved)
+    add_loads(system, hessian, laws.rows, force, right)
+    assert np.sum(right * step) == pytest.approx(np.sum(force * moved), rel=1e-12)
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.5])
+@pytest.mark.parametrize('shift', [100.0, 1000.0])
+def test_after_a_step_the_laws_hold(friction, shift):
+    """Gaps, forces and slips of the linear step, and its equilibrium, each by its definition."""
+    system, state, table = near_a_table(friction)
+    _, shear = forces(table, state)
+    hessian, answer = new_hessian(system), new_answer(state.q.shape[0], table.gap.size)
+    found = np.zeros((table.gap.size, 3))
+    laws = step_laws(system, state, table, shear, 1.0, 0)
+    # (by itself it falls)
+    assert interior_step(system, state, hessian, laws, 0.01, True, found, answer,
+                         np.zeros(0)) == -1
+    assert interior_step(system, state, hessian, laws, shift, True, found, answer,
+                         np.zeros(0)) == 1
+    assemble(system, state, hessian)
+    moved, loads = np.zeros_like(found), np.zeros_like(answer.step)
+    put_motions(system, hessian, laws.rows, answer.step, moved)
+    gap, slip = table.gap + moved[:, 0], laws.slid + moved[:, 1:]
+    whole = loads_on(system)
+    assert gap.min() > -1e-5 and found[:, 0].min() >= 0.0 and found[:, 0].max() > 1e-3 * whole
+    assert np.abs(found[:, 0] * gap).max() < 2e-5 * whole  # (contacts give a little)
+    size = np.linalg.norm(found[:, 1:], axis=1)
+    assert (size <= friction * found[:, 0] * (1 + 1e-9) + 1e-12).all()
+    bears = found[:, 0] > 1e-3 * whole
+    if friction > 0.0:
+        slides = bears & (np.linalg.norm(slip, axis=1) > 1e-4)
+        along = np.sum(slip[slides] * found[slides, 1:], axis=1)
+        np.testing.assert_allclose(along, -np.linalg.norm(slip[slides], axis=1) * size[slides],
+                                   rtol=1e-3)
+        np.testing.assert_allclose(size[slides], friction * found[slides, 0], rtol=1e-3)
+    # an exact step from there leaves the forces that they are
+    again = np.zeros_like(found)
+    add_loads(system, hessian, laws.rows, found - laws.first, loads)
+    assert np.isfinite(loads).all()
+    if exact_step(system, state, hessian, laws, shift, again, answer, np.zeros(0)) == 1:
+        np.testing.assert_allclose(again[:, 0].sum(), found[:, 0].sum(), rtol=1e-2)
+
+
+def test_a_shift_approaches_that_with_which_a_dlo_falls():
+    shift, falls = next_shift(1.0, 1e-3, -1.0, 1e-4)
+    assert shift == pytest.approx(0.1) and falls == -1.0
+    assert next_shift(1e-4, 1e-3, -1.0, 1e-4) == (0.0, -1.0)
+    shift, falls = next_shift(1.0, 0.1, 0.5, 1e-4)
+    assert 0.5 < shift < 1.0 and 0.0 < falls < 0.5
+    assert next_shift(1.0, np.inf, 0.5, 1e-4)[0] == 4.0
+    assert next_shift(0.0, np.inf, 0.0, 1e-4)[0] > 0.0
+
+
+def test_a_cable_is_laid_on_a_table_in_few_steps():
+    """The steps that took a second each: friction keeps its cone, forces balance, nothing sinks."""
+    friction = 0.5
+    shapes = laid(friction, np.linspace(0.6, 0.4, 11))
+    weight = CABLE.mass_per_length * CABLE.length * 9.81
+    for before, shape in zip(shapes, shapes[1:], strict=False):
+        assert shape.converged and not shape.jumped, shape.status
+        assert shape.iterations < 200
+        assert shape.positions[:, 2].min() > CABLE.radius - 1e-6
+        up = shape.gripper_wrench[2] + sum(one.vector[2] for one in shape.contacts)
+        assert up == pytest.approx(weight, rel=1e-6)
+        for one in shape.contacts:
+            assert np.linalg.norm(one.friction) <= friction * one.force * (1 + 1e-5) + 1e-9
+        assert np.linalg.norm(shape.positions - before.positions, axis=1).max() < 0.1
+    assert len(shapes[-1].contacts) > 15
+
+
+def test_the_same_pose_again_moves_nothing():
+    """What sticks does not creep."""
+    shapes = laid(0.5, [0.6, 0.58, 0.56])
+    again = shapes[-1]
+    simulator = DirectSimulator(CABLE, basis='local', n_elements=64,
+                                obstacles=[Plane((0, 0, 0), (0, 0, 1), friction=0.5)])
+    for _ in range(5):
+        again = simulator.solve(pose(0.56), again)
+    np.testing.assert_allclose(again.positions, shapes[-1].positions, atol=1e-6)
+
+
+def test_a_hose_on_a_floor_has_no_slow_step():
+    hose = Rod(2.0, 0.18, 0.25, 0.2, radius=0.01)
+    direct = DirectSimulator(hose, basis='local', n_elements=64,
+                             obstacles=[Plane((0, 0, 0), (0, 0, 1), friction=0.6)])
+    shape = direct.solve(pose(1.0))
+    for x, height in [(0.0, 0.6), (0.0, 0.25), (0.06, 0.25), (0.12, 0.25)]:
+        shape = direct.solve(pose(height, x=x), shape)
+        assert shape.converged, shape.status
+        assert shape.positions[:, 2].min() > hose.radius - 1e-5
+
+
+def test_what_bears_is_given_back_alone():
+    system, state, table = near_a_table(0.5)
+    given = system.effects.contact.contacts
+    firm = with_bearing(system, state.q, given, True)
+    assert firm.effects.contact.contacts.node.max() <= table.force.max() + 1e-12
+
+
+def test_a_cable_over_the_edge_of_a_table():
+    box = Box(Pose((-0.3, 0, -0.2), (0, 0, 0, 1)), (0.6, 0.6, 0.4), friction=0.4)
+    direct = DirectSimulator(CABLE, basis='local', n_elements=64, obstacles=[box])
+    level = Rotation.identity().as_quat()
+    shape = direct.solve(Pose((-0.5, 0, 0.12), level))
+    for height in (0.08, 0.04, 0.02):
+        shape = direct.solve(Pose((-0.5, 0, height), level), shape)
+        assert shape.converged, shape.status
+    assert shape.contacts
