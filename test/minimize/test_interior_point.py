@@ -109,8 +109,7 @@ def test_loads_are_the_transpose_of_motions(friction):
 
 
 @pytest.mark.parametrize('friction', [0.0, 0.5])
-@pytest.mark.parametrize('shift', [100.0, 1000.0])
-def test_after_a_step_the_laws_hold(friction, shift):
+def test_after_a_step_the_laws_hold(friction, shift=100.0):
     """Gaps, forces and slips of the linear step, and its equilibrium, each by its definition."""
     system, state, table = near_a_table(friction)
     _, shear = forces(table, state)
