@@ -54,7 +54,7 @@ from dlo_planner.minimize.newton import (
     newton_descent,
     thorough,
 )
-from dlo_planner.minimize.quasi_static import may_rub, settle, with_bearing
+from dlo_planner.minimize.quasi_static import settle, with_bearing
 from dlo_planner.minimize.relaxation import deepest, relax
 from dlo_planner.minimize.semismooth import (
     bears,
@@ -84,6 +84,7 @@ _STIFF = 100.0
 # Of the flow: at rest with such a residual, at first and well; steps at most; how often it leaves
 # a saddle. What is as near (`_CLOSE`) is brought to rest exactly, with so many Newton steps.
 _RESTS, _RESTS_WELL, _MOST_FLOW, _MOST_FALLS, _CLOSE, _POLISH = 1e-6, 1e-9, 120, 3, 1e-4, 6
+_MANY = 4  # points that bear: a DLO that lies on something
 _KEPT, _KEPT_WELL = 9e-7, 2e-8  # of the length: violation there, and where no more is tried
 # How often limits of friction are set to those of the forces, and a relative change that is none
 _CYCLES, _SAME_LIMIT = 4, 1e-6
@@ -193,10 +194,11 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
         if steps >= max_iterations or attempt >= len(_ROUGH) or interrupted():
             break
         # (a DLO that is set down has no way along which it could have rubbed; what moves or is
-        # held has more to obey)
-        if attempt == 0 and not (on_a_way or tried or past.shape[0] == 0 and may_rub(system)
+        # held has more to obey; and where few points bear, relaxation is as quick)
+        if attempt == 0 and not (on_a_way or tried or past.shape[0] == 0
                                  or has_inertia(system.effects.anchor)
-                                 or row_count(system.needs.border) > 0):
+                                 or row_count(system.needs.border) > 0) and (
+                                     _bearing(system.effects.contact.contacts) >= _MANY):
             reaction = reaction_of(hold, row_count(system.needs.border))
             rests, state, residual, stability, moves, falls, loaded, violation = _settled(
                 there, begin, past, tolerance, exact, max_iterations - steps, check, beside)
@@ -224,6 +226,18 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
     there = with_contacts(there, contacts, there.effects.contact.scene)
     state, residual, _, violation = kkt_residual(there, begin)
     return state, residual, np.nan, steps, kicks, there, violation
+
+
+@kernel
+def _bearing(contacts):
+    """Return how many points are known to bear."""
+    count = 0
+    for o in range(contacts.node.shape[0]):
+        for k in range(contacts.node.shape[1]):
+            count += contacts.node[o, k] > 0.0
+    for c in range(contacts.element.size):
+        count += contacts.obstacle[c] >= 0 and contacts.multiplier[c] > 0.0
+    return count
 
 
 @kernel
@@ -255,7 +269,8 @@ def _polished(system, q, tolerance, exact, allowed):
                 contacts.multiplier[c] = limit
         state, residual, table, violation = kkt_residual(system, state.q)
         if residual < tolerance and violation < allowed and change < _SAME_LIMIT:
-            return True, state, residual, violation, steps
+            changes, _ = _exchanged(system, state, allowed, change >= 0.0)
+            return not changes, state, residual, violation, steps
     return False, state, residual, violation, steps
 
 
@@ -282,6 +297,8 @@ def _settled(system, q, previous, tolerance, exact, max_iterations, check, kicke
         steps += moves
         if rolls:  # (points that bear inside elements are where they are nearest, exactly)
             return True, state, residual, stability, steps, kicks, loaded, violation
+        if system.basis.shape[1] > 0:  # waves of a series would touch between its nodes
+            break
         firm = with_bearing(there, q, given, moves >= 0)
         rests, state, residual, violation, moves = _polished(firm, q, tolerance, exact,
                                                              _KEPT * length)

@@ -204,12 +204,6 @@ def next_shift(shift, error, falls, floor):
 
 
 @kernel
-def may_rub(system):
-    """Whether any obstacle has friction."""
-    return np.any(system.effects.contact.scene.friction > 0.0)
-
-
-@kernel
 def loads_on(system):
     """Return the size of all forces on a DLO, N: of loads, inertia and its own rigidity."""
     length = np.sum(system.lengths)
