@@ -67,7 +67,7 @@ def test_obstacles_come_and_go(client):
     assert 'expected \'world\'' in status(client, lambda _, m: 'obstacles refused' in m)[1]
     client.send_obstacles([cube(0.5, 1, kind=Marker.TEXT_VIEW_FACING)])
     said = status(client, lambda _, m: 'markers[0]: type' in m)[1]
-    assert 'CUBE, SPHERE, CYLINDER or ARROW' in said
+    assert 'CUBE, SPHERE, CYLINDER, ARROW (a plane), TRIANGLE_LIST or MESH_RESOURCE' in said
     client.send_obstacles([cube(0, action=Marker.DELETEALL)])
     until(lambda: np.allclose(tip(client, LEVEL), free))
     np.testing.assert_allclose(tip(client, LEVEL), free, atol=1e-9)
