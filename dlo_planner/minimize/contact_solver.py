@@ -3,7 +3,9 @@
 """A DLO among obstacles comes to rest: in which order methods are tried, and what is judged.
 
 Shape and contact forces are sought at once (`minimize.semismooth`), near where the DLO is. Where
-that finds nothing, or where nothing has been touched yet, the DLO is brought nearer to rest first
+that finds nothing, a DLO that lies on something with several points follows its flow, in which
+all contact forces of a step are found at once (`minimize.quasi_static`). Where this finds nothing,
+or where nothing has been touched yet, the DLO is brought nearer to rest first
 (`minimize.relaxation`), in a few stages. What is found is judged as any other minimum: the points
 that bear are those that `active_set` chooses, and the shape stands; else it leaves its saddle, and
 all begins anew. What is judged is the residual with the limits of friction: it has no potential.
@@ -278,7 +280,10 @@ def _polished(system, q, tolerance, exact, allowed):
 def _settled(system, q, previous, tolerance, exact, max_iterations, check, kicked):
     """Return whether a DLO comes to rest by its flow, and what `solve_contact` does.
 
-    It begins at q (m, 3); `kicked` (m, 3) is work space.
+    It begins at q (m, 3); `kicked` (m, 3) is work space. From where the flow rests the search for
+    what is near is exact. Where it finds nothing, as along many points that share their forces,
+    the end of the flow itself is looked at as any other shape: residual, violation, cones, points
+    that are deeper in an obstacle, stability.
     """
     given, hold, there, flow = (system.effects.contact.contacts, system.effects.hold, system,
                                 np.zeros(1))

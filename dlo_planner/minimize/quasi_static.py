@@ -54,6 +54,7 @@ from dlo_planner.minimize.interior_point import (
     world_forces,
 )
 from dlo_planner.minimize.kkt import add_to, dot
+from dlo_planner.minimize.relaxation import deepest
 from dlo_planner.minimize.semismooth import (
     crosses_a_sheet,
     forces,
@@ -95,8 +96,8 @@ _BESIDE = 0.01    # of an element: a point in it is not nearer to a node
 def settle(system, q, previous, rough, most, flow):
     """Return Problem with its contact forces, unknowns, steps and residual, where the flow rests.
 
-    At rest the residual is below `rough`, and no gap below -rough times the length; the flow also
-    ends after `most` steps. `flow` (1,) is the shift, here and where it ends.
+    At rest the residual is below `rough`, and no contact is deeper than `_DEPTH` times that, of the
+    length; the flow also ends after `most` steps. `flow` (1,) is the shift, here and where it ends.
     """
     length, hold = np.sum(system.lengths), system.effects.hold
     rigidity = bending_energy(system) / length
@@ -376,15 +377,6 @@ def with_forces(system, table, normal, shear, whole):
                 size += shear[a, i] ** 2
             contacts.multiplier[c] = 2.0 * np.sqrt(size) + tiny
     return with_contacts(system, contacts, system.effects.contact.scene)
-
-
-@kernel
-def deepest(table):
-    """Return how deep, in m, a contact is inside its obstacle."""
-    depth = 0.0
-    for a in range(table.gap.size):
-        depth = max(depth, -table.gap[a])
-    return depth
 
 
 @kernel
