@@ -37,6 +37,9 @@ Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, holds, `S
 LONGEST_TURN = 0.25     # rad: longer steps of the gripper are cut in any case
 _LONGEST_SHIFT = 0.05   # of the length: the same, of a DLO that touches
 _SHORTEST = 5e-5        # rad and of the length: of parts in which a leap counts as a jump
+# The same of a DLO that lies on something, with so many contacts at least: where it lets go depends
+# on friction by more
+_SHORTEST_LYING, _LYING = 2e-3, 4
 _LEAST, _MOST = 3, 14   # how often a step in doubt may be halved
 _FAILURES = 7           # the same, where no equilibrium is found
 _AFTER = 3              # the same, for what comes after a jump
@@ -75,7 +78,8 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
     way = _way(previous, goal)
     if last or not _is_long(way, bool(previous.contacts), at_once):
-        if previous.contacts and not goal.holds and not last:
+        lies = bool(previous.contacts) and not goal.holds
+        if lies and not last:
             most = _ANY_TURN
         elif not (last or at_once or previous.contacts or goal.holds):
             most = _LEAP + _FOLLOWING * way.turn
@@ -92,17 +96,19 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
                     return shape  # else shorter ways tell whether it really does
         elif last:
             return _led(previous, _jumped(shape))
-        elif (good and not _is_long(way, touches, at_once)
+        elif ((good or lies and _keeps_energy(previous, shape))
+              and not _is_long(way, touches, at_once)
               and not (way.size > _OFF and _comes_off(previous, shape))):
-            agree, half = _by_halves(solve, previous, goal, shape)
-            if agree:
-                shape = _led(previous, shape)
+            agree, half, end = _by_halves(solve, previous, goal, shape)
+            if agree:  # (the longer a step, the more friction depends on its parts)
+                shape = _led(previous, shape if good else end)
                 if way.size <= _OFF or shape.passed_itself is False:
                     return shape
         failed = not shape.converged and most in (np.inf, _ANY_TURN)
     whole = halvings is None
     if halvings is None:
-        parts = max(way.size / _SHORTEST, 1.0)
+        lies = not goal.holds and len(previous.contacts) >= _LYING
+        parts = max(way.size / (_SHORTEST_LYING if lies else _SHORTEST), 1.0)
         halvings = min(max(ceil(log2(parts)), _LEAST), _MOST)
     left = (min(halvings, _FAILURES) if failed else halvings) - 1
     middle = _followed(solve, previous, _partway(previous, goal), False, left, half)
@@ -148,23 +154,24 @@ def _either(one: Shape, other: Shape) -> bool | float:
 
 
 def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
-               shape: Shape) -> tuple[bool, Shape]:
-    """Return whether two half steps lead to `shape` as well; and the first.
+               shape: Shape) -> tuple[bool, Shape, Shape]:
+    """Return whether two half steps lead to `shape` as well; and the Shapes after these.
 
     They do not where one of them alone changes as much as both: what leaps does so in any step.
     """
     there = _partway(previous, goal)
-    most = _ANY_TURN if previous.contacts and not goal.holds else np.inf
+    lies = bool(previous.contacts) and not goal.holds
+    most, follows = (_ANY_TURN, _keeps_energy) if lies else (np.inf, sound)
     first = solve(there.gripper, previous, there.holds, most)
-    if not sound(previous, first, _way(previous, there)):
-        return False, first
+    if not follows(previous, first, _way(previous, there)):
+        return False, first, first
     end = solve(goal.gripper, first, goal.holds, most)
-    agree = (sound(first, end, _way(first, goal)) and not _changes(shape, end)
+    agree = (follows(first, end, _way(first, goal)) and not _changes(shape, end)
              and shape_change(shape, end) <= _SAME)
     if agree:
         change = max(shape_change(previous, first), shape_change(first, end))
         agree = change <= max(_LEAP_OFF, _EVENLY * shape_change(previous, shape))
-    return agree, first
+    return agree, first, end
 
 
 def _to_its_end(solve: Equilibrium, previous: Shape, goal: Grips, shape: Shape,
@@ -249,6 +256,15 @@ def sound(previous: Shape, shape: Shape, way: Way) -> bool:
     """Return whether nothing speaks against a step of the grips from `previous` to `shape`."""
     return (shape.converged and not shape.state.kicks and not fell(previous, shape, way)
             and not _passes(previous, shape))
+
+
+def _keeps_energy(previous: Shape, shape: Shape, _: Way | None = None) -> bool:
+    """Return whether nothing but the size of a step speaks against it; arguments as of `sound`.
+
+    What lies on something turns by many times more than its grip.
+    """
+    return (shape.converged and not shape.state.kicks and not _passes(previous, shape)
+            and (_let_go(previous, shape) or not _lost(previous, shape)))
 
 
 def surely_follows(previous: Shape, shape: Shape) -> bool:

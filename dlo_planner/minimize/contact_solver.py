@@ -25,7 +25,7 @@ from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.problem import Configuration, Problem, hinged, new_configuration
 from dlo_planner.energy.terms import row_count
 from dlo_planner.geometry.kinematics import point_inside
-from dlo_planner.geometry.record import copy
+from dlo_planner.geometry.record import copy, replaced
 from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.kernels.interruption import interrupted
@@ -85,8 +85,7 @@ _SLIDES, _EXCHANGES, _CHOICES = 4, 8, 3
 _STIFF = 100.0
 # Of the flow: at rest with such a residual, at first and well; steps at most; how often it leaves
 # a saddle. What is as near (`_CLOSE`) is brought to rest exactly, with so many Newton steps.
-_RESTS, _RESTS_WELL, _MOST_FLOW, _MOST_FALLS, _CLOSE, _POLISH = 1e-6, 1e-9, 120, 3, 1e-4, 6
-_MANY = 4  # points that bear: a DLO that lies on something
+_RESTS, _RESTS_WELL, _MOST_FLOW, _MOST_FALLS, _CLOSE, _POLISH = 1e-6, 1e-9, 250, 3, 1e-4, 6
 _KEPT, _KEPT_WELL = 9e-7, 2e-8  # of the length: violation there, and where no more is tried
 # How often limits of friction are set to those of the forces, and a relative change that is none
 _CYCLES, _SAME_LIMIT = 4, 1e-6
@@ -108,14 +107,19 @@ def constrained_newton(system: Problem, q: Floats, tolerance: float, max_iterati
 
 def stiffen_penalty(system: Problem, state: Configuration) -> Problem:
     """Return the Problem with contacts so stiff that they hardly give, their forces the same."""
-    if not obstructed(system.contact):
-        return system
-    contacts = system.contacts
-    contacts = contacts._replace(node=contacts.node.copy(), multiplier=contacts.multiplier.copy(),
-                                 shear=contacts.shear.copy())
-    _keep_forces(system._replace(contacts=contacts), state, (_FIRM - 1) * contacts.stiffness)
-    return system._replace(contacts=contacts._replace(stiffness=_FIRM * contacts.stiffness,
-                                                      grip=_FIRM * contacts.grip))
+    return _stiffened(system, state, _FIRM) if obstructed(system.contact) else system
+
+
+@kernel
+def _stiffened(system: Problem, state: Configuration, by: float) -> Problem:
+    """Return the Problem with contacts stiffer `by` a factor, their forces the same."""
+    contacts = system.effects.contact.contacts
+    stiffness, grip = by * contacts.stiffness, by * contacts.grip
+    firm = with_contacts(system, replaced(
+        contacts, 'node', contacts.node.copy(), 'multiplier', contacts.multiplier.copy(),
+        'shear', contacts.shear.copy()), system.effects.contact.scene)
+    _keep_forces(firm, state, stiffness - contacts.stiffness)
+    return with_stiffness(firm, stiffness, grip)
 
 
 @kernel
@@ -196,11 +200,10 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
         if steps >= max_iterations or attempt >= len(_ROUGH) or interrupted():
             break
         # (a DLO that is set down has no way along which it could have rubbed; what moves or is
-        # held has more to obey; and where few points bear, relaxation is as quick)
+        # held has more to obey)
         if attempt == 0 and not (on_a_way or tried or past.shape[0] == 0
                                  or has_inertia(system.effects.anchor)
-                                 or row_count(system.needs.border) > 0) and (
-                                     _bearing(system.effects.contact.contacts) >= _MANY):
+                                 or row_count(system.needs.border) > 0):
             reaction = reaction_of(hold, row_count(system.needs.border))
             rests, state, residual, stability, moves, falls, loaded, violation = _settled(
                 there, begin, past, tolerance, exact, max_iterations - steps, check, beside)
@@ -228,18 +231,6 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
     there = with_contacts(there, contacts, there.effects.contact.scene)
     state, residual, _, violation = kkt_residual(there, begin)
     return state, residual, np.nan, steps, kicks, there, violation
-
-
-@kernel
-def _bearing(contacts):
-    """Return how many points are known to bear."""
-    count = 0
-    for o in range(contacts.node.shape[0]):
-        for k in range(contacts.node.shape[1]):
-            count += contacts.node[o, k] > 0.0
-    for c in range(contacts.element.size):
-        count += contacts.obstacle[c] >= 0 and contacts.multiplier[c] > 0.0
-    return count
 
 
 @kernel
@@ -290,44 +281,60 @@ def _settled(system, q, previous, tolerance, exact, max_iterations, check, kicke
     steps, kicks, length, saddle = 0, 0, np.sum(system.lengths), True
     stability, state, firm = np.nan, new_configuration(system), system
     residual = violation = np.inf
+    goes_on = 0
     while saddle:
-        there, q, moves, left = settle(there, q, previous, _RESTS, min(_MOST_FLOW, max_iterations),
-                                       flow)
+        there, q, moves, left, falls = settle(there, q, previous, _RESTS,
+                                              min(_MOST_FLOW, max_iterations), flow)
         steps, saddle = steps + moves, False
         if not left < _CLOSE:
             break
-        loaded = with_bearing(there, q, given, moves < 0)
-        rolls, state, residual, stability, moves, loaded, violation = _at_once(
-            loaded, q, moves < 0, tolerance, exact, check, previous)
-        steps += moves
-        if rolls:  # (points that bear inside elements are where they are nearest, exactly)
-            return True, state, residual, stability, steps, kicks, loaded, violation
-        if system.basis.shape[1] > 0:  # waves of a series would touch between its nodes
-            break
-        firm = with_bearing(there, q, given, moves >= 0)
-        rests, state, residual, violation, moves = _polished(firm, q, tolerance, exact,
-                                                             _KEPT * length)
-        steps += moves
-        if not (rests and violation < _KEPT_WELL * length):
-            flow[0], reaction = 0.0, reaction_of(hold, row_count(system.needs.border))
-            there, q, moves, left = settle(there, q, previous, _RESTS_WELL,
-                                           min(_MOST_FLOW, max_iterations), flow)
+        if falls and check:
+            firm = with_bearing(there, q, given, moves >= 0)
+            state, residual, _, violation = kkt_residual(firm, q)
+            stability, mode = _judged(firm, state, tolerance, exact)
+            saddle = stability <= -HELD_NEUTRAL
+        if not saddle:
+            loaded = with_bearing(there, q, given, moves < 0)
+            rolls, state, residual, stability, moves, loaded, violation = _at_once(
+                loaded, q, moves < 0, tolerance, exact, check, previous)
             steps += moves
-            finer = with_bearing(there, q, given, moves >= 0)
-            well, its, its_residual, inside, moves = _polished(finer, q, tolerance, exact,
-                                                               _KEPT * length)
+            if rolls:  # (points that bear inside elements are where they are nearest, exactly)
+                return True, state, residual, stability, steps, kicks, loaded, violation
+            if system.basis.shape[1] > 0:  # waves of a series would touch between its nodes
+                break
+            firm = with_bearing(there, q, given, moves >= 0)
+            rests, state, residual, violation, moves = _polished(firm, q, tolerance, exact,
+                                                                 _KEPT * length)
             steps += moves
-            if well:
-                rests, state, residual, violation, firm = well, its, its_residual, inside, finer
-            else:
-                set_reaction(hold, reaction)
-        if not rests:
-            break
-        if not check:
-            return True, state, residual, np.inf, steps, kicks, firm, violation
-        stability, mode = _judged(firm, state, tolerance, exact)
-        if stability > -HELD_NEUTRAL:
-            return True, state, residual, stability, steps, kicks, firm, violation
+            if not (rests and violation < _KEPT_WELL * length):
+                flow[0], reaction = 0.0, reaction_of(hold, row_count(system.needs.border))
+                there, q, moves, left, _ = settle(there, q, previous, _RESTS_WELL,
+                                                  min(_MOST_FLOW, max_iterations), flow)
+                steps += moves
+                finer = with_bearing(there, q, given, moves >= 0)
+                well, its, its_residual, inside, moves = _polished(finer, q, tolerance, exact,
+                                                                   _KEPT * length)
+                steps += moves
+                if well:
+                    rests, state, residual, violation, firm = well, its, its_residual, inside, finer
+                else:
+                    set_reaction(hold, reaction)
+            if not rests and left < _CLOSE:
+                break
+            if rests and not check:
+                return True, state, residual, np.inf, steps, kicks, firm, violation
+            if rests:
+                rolls, its, its_residual, stands, moves, loaded, inside = _at_once(
+                    firm, state.q, rests, tolerance, exact, check, previous)
+                steps += moves
+                if rolls:
+                    return True, its, its_residual, stands, steps, kicks, loaded, inside
+            if not rests:  # it has gone on
+                goes_on, saddle = goes_on + 1, goes_on < _MOST_FALLS
+                continue
+            stability, mode = _judged(firm, state, tolerance, exact)
+            if stability > -HELD_NEUTRAL:
+                return True, state, residual, stability, steps, kicks, firm, violation
         saddle = kicks < _MOST_FALLS and leave_saddle(firm, state, mode, kicked)
         if saddle:
             kicks += 1
@@ -482,6 +489,18 @@ def _let_push(contacts):
 
 @kernel
 def _judged(system, state, tolerance, exact):
+    """Return the smallest eigenvalue, on what grips and contacts leave free, and its mode.
+
+    Springs of contacts that give let a DLO seem less stable than it is, never more.
+    """
+    stability, mode = _lowest(system, state, tolerance, exact)
+    if stability <= -HELD_NEUTRAL:
+        stability, mode = _lowest(_stiffened(system, state, _FIRM), state, tolerance, exact)
+    return stability, mode
+
+
+@kernel
+def _lowest(system, state, tolerance, exact):
     """Return the smallest eigenvalue, on what a grip leaves free, and its mode."""
     always, none = exact > 0.0, 0 * state.q.shape[0]
     _, _, stability, _, mode, _, _ = newton_descent(

@@ -13,12 +13,12 @@ the method of Mehrotra with the scaling of Nesterov and Todd; |v| follows from s
 keeps all matrices symmetric (Acary, Armand, Nguyen and Shpakovych, Second-order cone programming
 for frictional contact mechanics using interior point algorithm, 2022). Each contact is eliminated
 at its own place, where it leaves a spring of 3 x 3 numbers: a Newton step costs one sweep over the
-elements, however many contacts there are.
+elements, however many contacts there are. Where |v| would only follow, as of what slides far, its
+derivative is regarded, a part that is not symmetric and is left to a Krylov method.
 
 Near the end, where it is known what bears, sticks and slides, a semismooth Newton method on the
 same equations takes a few steps instead of ten, and ends in the laws themselves. What slides
-couples friction with the normal force; that part is not symmetric, and is left to a few directions
-of a Krylov method over the sweep.
+couples friction with the normal force, which is left to the same Krylov method over the sweep.
 
 Contacts give a little under changes of their forces since the step before (a proximal method):
 else nothing would decide how points share a force that lie along an obstacle. What they give
@@ -40,15 +40,23 @@ _MOST, _FEW = 60, 15  # Newton steps: of the interior point method, and of exact
 # The barrier parameter to begin with, and where it ends, of the energy that the loads stand for;
 # near rest it goes on. With it a law of motion is kept but for such a part of the length.
 _FIRST, _LAST, _KEPT = 1e-4, 1e-8, 1e-5
-_SHARP, _SHARPLY = 1e-12, 1e-8
+_SHARP, _SHARPLY = 1e-14, 1e-9
 _STUCK, _PATIENCE = 0.1, 25  # part of a step, and steps: then the first of both ends is enough
+_EDGE = 1e-24  # of the square of a force: how near it comes to its cone, as rounded
+# A step that is still not found after so many Newton steps, of a flow and near rest, is good enough
+# with such a part of the barrier parameter to begin with, and wrong by such a part of its motion
+_ENOUGH, _SHARPLY_ENOUGH, _BARRIER, _ROUGH = 15, 30, 0.1, 0.03
 _CENTERED = 1e-2      # of the barrier parameter: what a step leaves of it at least
 _SHORT = 0.99         # of the way to the boundary
 _CLOSE = 1e-3         # of the length: gaps that are no smaller at the beginning
 _GIVE = 2e-6          # of the length: by how much contacts give under a change by all the loads
+_STIFFER = 4.0        # times the shift with which it does not stand
 _LEAST_SHIFT, _MOST_SHIFT = 1e-3, 1e6  # of the Hessian while what will bear does not hold it yet
-_LOST = 8             # steps in a row on which the DLO does not stand: it will not
+_LOST = 20            # steps in a row on which the DLO does not stand: it will not
 _INNER, _COUPLED = 20, 1e-16  # directions of the coupling at most; what is left of its square
+# The same of the interior point method; Newton steps from which on it is regarded there, and what
+# part of such a step is made at least, else the next one goes without
+_ROUGHLY, _FROM, _JAMS = 1e-4, 6, 0.2
 _SETTLED = 1e-6       # of the loads: changes of forces that are none
 _BEARS = 1e-4         # of the loads that an element has: a smaller force is none
 _STICKS = 0.999       # of its limit: friction that does not slide
@@ -277,8 +285,9 @@ class Springs(Record):
 
     force: Floats    # (A, 3) N, on the DLO, along normals and tangents, if no point moves
     spring: Floats   # (A, 3, 3) N/m
-    pulls: Floats    # (A, 2) change of friction with the normal force
-    normal: Floats   # (A,) N, the normal force before
+    pulls: Floats    # (A, 3) change of the force with another unknown, as a slip or normal force
+    sense: Floats    # (A, 3) how that changes with the motion
+    offset: Floats   # (A,) what it is if no point moves
 
 
 class Answer(Record):
@@ -286,7 +295,7 @@ class Answer(Record):
 
     step: Floats     # (m, 3)
     moved: Floats    # (A, 3) m, along normals and tangents
-    limit: Floats    # (A,) N, changes of the normal forces, as the limits of friction have them
+    other: Floats    # (A,) the other unknowns
     right: Floats    # (m, 3) work space, like all that follows
     change: Floats   # (m, 3)
     by: Floats       # (A, 3)
@@ -297,8 +306,8 @@ class Answer(Record):
 @kernel
 def new_springs(count):
     """Return empty Springs."""
-    return Springs(np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 2)),
-                   np.zeros(count))
+    return Springs(np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3)),
+                   np.zeros((count, 3)), np.zeros(count))
 
 
 @kernel
@@ -310,16 +319,17 @@ def new_answer(unknowns, count):
 
 
 @kernel
-def _solve_linear(system, state, hessian, laws, springs, more, back, answer, reaction, rubs):
+def _solve_linear(system, state, hessian, laws, springs, more, back, answer, reaction, couples):
     """Fill the Answer to Springs with a factorization that is there.
 
-    `more`: a shift in it that holds the step to `back` (m, 3).
+    `more`: a shift in it that holds the step to `back` (m, 3); `couples`: what may be left of the
+    coupling, squared; it is not regarded if that is 1.
     """
     rows, right, step = laws.rows, answer.right, answer.step
     for j in range(step.shape[0]):
         for i in range(3):
             right[j, i] = more * back[j, i] - state.gradient[j, i]
-    for a in range(springs.normal.size):
+    for a in range(springs.offset.size):
         for i in range(3):
             answer.load[a, i] = springs.force[a, i] - laws.first[a, i]
     add_loads(system, hessian, rows, answer.load, right)
@@ -327,24 +337,22 @@ def _solve_linear(system, state, hessian, laws, springs, more, back, answer, rea
         reaction[k] = laws.miss[k]
     solve_held(system, hessian, right, laws.miss, step, reaction)
     put_motions(system, hessian, rows, step, answer.moved)
-    if not rubs:
+    other = answer.other
+    for a in range(other.size):
+        other[a] = 0.0
+    if couples >= 1.0:
         return
-    limit = answer.limit
-    for a in range(limit.size):
-        answer.by[a, 0] = (springs.force[a, 0] - springs.spring[a, 0, 0] * answer.moved[a, 0]
-                           - springs.normal[a])
-    _couple(system, hessian, rows, springs, answer)
-    for a in range(limit.size):
-        answer.load[a, 0] = 0.0
-        for r in range(2):
-            answer.load[a, 1 + r] = springs.pulls[a, r] * limit[a]
+    _couple(system, hessian, rows, springs, answer, couples)
+    for a in range(other.size):
+        for i in range(3):
+            answer.load[a, i] = springs.pulls[a, i] * other[a]
     for j in range(step.shape[0]):
         for i in range(3):
             right[j, i] = 0.0
     add_loads(system, hessian, rows, answer.load, right)
     solve(system, hessian, right, answer.change)
     put_motions(system, hessian, rows, answer.change, answer.by)
-    for a in range(limit.size):
+    for a in range(other.size):
         for i in range(3):
             answer.moved[a, i] += answer.by[a, i]
     for j in range(step.shape[0]):
@@ -353,37 +361,41 @@ def _solve_linear(system, state, hessian, laws, springs, more, back, answer, rea
 
 
 @kernel
-def _couple(system, hessian, rows, springs, answer):
-    """Fill the changes (A,) of normal forces that change the limits of friction as well.
+def _couple(system, hessian, rows, springs, answer, couples):
+    """Fill the other unknowns (A,) of the laws, which couple what is not symmetric.
 
-    At the beginning answer.by[:, 0] are the changes without that. Orthogonal directions of minimal
-    residual (GCR: Eisenstat, Elman and Schultz, SIAM J. Numer. Anal. 20, 1983), with the symmetric
-    factorization as preconditioner.
+    Orthogonal directions of minimal residual (GCR: Eisenstat, Elman and Schultz, SIAM J. Numer.
+    Anal. 20, 1983), with the symmetric factorization as preconditioner.
     """
-    count, used = springs.normal.size, answer.limit
-    left, force, by, krylov = np.empty(count), answer.load, answer.by, answer.krylov
+    count, used = springs.offset.size, answer.other
+    left, by, krylov = np.empty(count), answer.by, answer.krylov
     whole = 0.0
     for a in range(count):
-        used[a], left[a], force[a, 0] = 0.0, by[a, 0], 0.0
+        left[a] = springs.offset[a]
+        for i in range(3):
+            left[a] += springs.sense[a, i] * answer.moved[a, i]
         whole += left[a] * left[a]
     for d in range(_INNER):
         rest = 0.0
         for a in range(count):
             rest += left[a] * left[a]
-        if not rest > _COUPLED * whole:
+        if not rest > couples * whole:
             return
         v, w = krylov[0, d], krylov[1, d]
         for a in range(count):
             v[a] = left[a]
-            force[a, 1], force[a, 2] = springs.pulls[a, 0] * v[a], springs.pulls[a, 1] * v[a]
+            for i in range(3):
+                answer.load[a, i] = springs.pulls[a, i] * v[a]
         for j in range(answer.right.shape[0]):
             for i in range(3):
                 answer.right[j, i] = 0.0
-        add_loads(system, hessian, rows, force, answer.right)
+        add_loads(system, hessian, rows, answer.load, answer.right)
         solve(system, hessian, answer.right, answer.change)
         put_motions(system, hessian, rows, answer.change, by)
         for a in range(count):
-            w[a] = v[a] + springs.spring[a, 0, 0] * by[a, 0]
+            w[a] = v[a]
+            for i in range(3):
+                w[a] -= springs.sense[a, i] * by[a, i]
         for c in range(d):
             along = 0.0
             for a in range(count):
@@ -407,41 +419,50 @@ def _couple(system, hessian, rows, springs, answer):
 
 
 @kernel(error_model='numpy', forceinline=True)
-def _scaling(x, z, w, out):
-    """Fill out (3, 3) with the scaling W of Nesterov and Todd, W z = W^-1 x, and w (3,) W z.
+def _scaling(x, z, mu, give, w, scale, unscale, soft):
+    """Fill the scaling W of Nesterov and Todd, W z = W^-1 x, its inverse, w (3,) W z, and soft.
 
-    x, z (3,) are inside the cone of Lorentz.
+    `soft` is the inverse of W^-2 plus what the contact gives. x, z (3,) are inside the cone of
+    Lorentz. All is put together from the eigenvalues of W, which may differ by any factor.
     """
-    dx = np.sqrt(x[0] * x[0] - x[1] * x[1] - x[2] * x[2])
-    dz = np.sqrt(z[0] * z[0] - z[1] * z[1] - z[2] * z[2])
-    inner = (x[0] * z[0] + x[1] * z[1] + x[2] * z[2]) / (dx * dz)
+    rx, rz = np.sqrt(x[1] * x[1] + x[2] * x[2]), np.sqrt(z[1] * z[1] + z[2] * z[2])
+    dx = np.sqrt(max((x[0] - rx) * (x[0] + rx), _EDGE * x[0] * x[0]))
+    dz = np.sqrt(max((z[0] - rz) * (z[0] + rz), _EDGE * z[0] * z[0]))
+    inner = max((x[0] * z[0] + x[1] * z[1] + x[2] * z[2]) / (dx * dz), 1.0)
     half = 0.5 / np.sqrt(0.5 * (1.0 + inner))
     w0 = half * (x[0] / dx + z[0] / dz)
     w1, w2 = half * (x[1] / dx - z[1] / dz), half * (x[2] / dx - z[2] / dz)
-    size = np.sqrt(dx / dz)
-    out[0, 0] = size * w0
-    out[0, 1] = out[1, 0] = size * w1
-    out[0, 2] = out[2, 0] = size * w2
-    out[1, 1] = size * (1.0 + w1 * w1 / (1.0 + w0))
-    out[2, 2] = size * (1.0 + w2 * w2 / (1.0 + w0))
-    out[1, 2] = out[2, 1] = size * w1 * w2 / (1.0 + w0)
+    size, turn = np.sqrt(dx / dz), np.sqrt(w1 * w1 + w2 * w2)
+    c, d = (w1 / turn, w2 / turn) if turn > 0.0 else (1.0, 0.0)
+    k = w0 + turn
+    _from_eigenvalues(size * k, size / k, size, c, d, scale)
+    _from_eigenvalues(1.0 / (size * k), k / size, 1.0 / size, c, d, unscale)
     for i in range(3):
-        w[i] = out[i, 0] * z[0] + out[i, 1] * z[1] + out[i, 2] * z[2]
+        w[i] = scale[i, 0] * z[0] + scale[i, 1] * z[1] + scale[i, 2] * z[2]
+    one, other = (1.0 / (size * k)) ** 2, (k / size) ** 2
+    mean, half = 0.5 * (one + other), 0.5 * (one - other)
+    along = give / (mu * mu)
+    det = one * other + mean * (along + give) + along * give
+    s00, s01, s11 = (mean + give) / det, -half / det, (mean + along) / det
+    s22 = 1.0 / (1.0 / (size * size) + give)
+    soft[0, 0] = s00
+    soft[0, 1] = soft[1, 0] = s01 * c
+    soft[0, 2] = soft[2, 0] = s01 * d
+    soft[1, 1] = s11 * c * c + s22 * d * d
+    soft[1, 2] = soft[2, 1] = (s11 - s22) * c * d
+    soft[2, 2] = s11 * d * d + s22 * c * c
 
 
 @kernel(error_model='numpy', forceinline=True)
-def _inverse(m, out):
-    """Fill out (3, 3) with the inverse of a symmetric matrix m (3, 3)."""
-    c00 = m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1]
-    c01 = m[1, 2] * m[2, 0] - m[1, 0] * m[2, 2]
-    c02 = m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0]
-    d = 1.0 / (m[0, 0] * c00 + m[0, 1] * c01 + m[0, 2] * c02)
-    out[0, 0] = c00 * d
-    out[0, 1] = out[1, 0] = c01 * d
-    out[0, 2] = out[2, 0] = c02 * d
-    out[1, 1] = (m[0, 0] * m[2, 2] - m[0, 2] * m[2, 0]) * d
-    out[1, 2] = out[2, 1] = (m[0, 1] * m[2, 0] - m[0, 0] * m[2, 1]) * d
-    out[2, 2] = (m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]) * d
+def _from_eigenvalues(one, other, third, c, d, out):
+    """Fill out (3, 3) of eigenvalues along (1, c, d), (1, -c, -d) and (0, -d, c)."""
+    mean, half = 0.5 * (one + other), 0.5 * (one - other)
+    out[0, 0] = mean
+    out[0, 1] = out[1, 0] = half * c
+    out[0, 2] = out[2, 0] = half * d
+    out[1, 1] = mean * c * c + third * d * d
+    out[1, 2] = out[2, 1] = (mean - third) * c * d
+    out[2, 2] = mean * d * d + third * c * c
 
 
 @kernel(error_model='numpy', forceinline=True)
@@ -464,10 +485,12 @@ def _to_boundary(x, d):
 
 
 @kernel(error_model='numpy')
-def interior_step(system, state, hessian, laws, shift, sharp, force, answer, reaction):
+def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force, answer, reaction):
     """Fill forces (A, 3) and the Answer of a step after which all laws hold.
 
-    Return 1 if there is one on which the DLO stands, -1 if it does not stand, 0 if none is found.
+    Return 1 if there is one on which the DLO stands, -1 if it does not stand, 0 if none is found;
+    and the shift with which it stands, no smaller than the one given. `floor`, `most`: the least
+    shift that is one, and the most.
     """
     count, rows, give = laws.gap.size, laws.rows, laws.give
     length = np.sum(system.lengths)
@@ -476,7 +499,7 @@ def interior_step(system, state, hessian, laws, shift, sharp, force, answer, rea
                     np.zeros((count, 3)))
     ax, az, lam, left = np.zeros(3), np.zeros(3), np.zeros((count, 3)), np.zeros((count, 3))
     scale, unscale, soft = np.zeros((count, 3, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3, 3))
-    square, r, cross, slip = np.zeros((3, 3)), np.zeros(3), np.zeros((count, 3)), np.zeros(count)
+    r, cross, slip = np.zeros(3), np.zeros((count, 3)), np.zeros(count)
     tau, last = laws.tau, (_SHARP if sharp else _LAST) / _FIRST * laws.tau
     kept = (_SHARPLY if sharp else _KEPT) * length
     for a in range(count):
@@ -488,6 +511,7 @@ def interior_step(system, state, hessian, laws, shift, sharp, force, answer, rea
             x[a, 0], z[a, 0] = mu * push, w / mu + slip[a]
         else:
             x[a, 0], z[a, 0] = push, w
+    couples = False
     more, done, falls, lost, bad, part = 0.0, False, False, 0, 0, 1.0
     for iteration in range(_MOST):
         mean = wrong = 0.0
@@ -503,6 +527,11 @@ def interior_step(system, state, hessian, laws, shift, sharp, force, answer, rea
                 continue
             slip[a] = np.sqrt((laws.slid[a, 0] + moved[a, 1]) ** 2
                               + (laws.slid[a, 1] + moved[a, 2]) ** 2)
+            for q in (1, 2):
+                springs.sense[a, q] = ((laws.slid[a, q - 1] + moved[a, q]) / slip[a]
+                                       if slip[a] > 0.0 else 0.0)
+            springs.offset[a] = -(springs.sense[a, 1] * moved[a, 1]
+                                  + springs.sense[a, 2] * moved[a, 2])
             left[a, 0] = (laws.gap[a] + moved[a, 0] + give * (x[a, 0] / mu - laws.first[a, 0])
                           ) / mu + slip[a] - z[a, 0]
             for q in (1, 2):
@@ -510,35 +539,42 @@ def interior_step(system, state, hessian, laws, shift, sharp, force, answer, rea
                               + give * (x[a, q] - laws.first[a, q]) - z[a, q])
             for q in range(3):
                 wrong = max(wrong, abs(left[a, q]))
-            _scaling(x[a], z[a], lam[a], scale[a])
-            _inverse(scale[a], unscale[a])
-            for i in range(3):
-                for j in range(3):
-                    square[i, j] = (unscale[a, i, 0] * unscale[a, 0, j]
-                                    + unscale[a, i, 1] * unscale[a, 1, j]
-                                    + unscale[a, i, 2] * unscale[a, 2, j])
-            square[0, 0] += give / mu**2
-            square[1, 1] += give
-            square[2, 2] += give
-            _inverse(square, soft[a])
+            _scaling(x[a], z[a], mu, give, lam[a], scale[a], unscale[a], soft[a])
             for i in range(3):
                 for j in range(3):
                     springs.spring[a, i, j] = soft[a, i, j] / (
                         (mu if i == 0 else 1.0) * (mu if j == 0 else 1.0))
+                springs.pulls[a, i] = -soft[a, i, 0] / (mu if i == 0 else 1.0)
         near = mean <= _LAST / _FIRST * laws.tau and wrong < _KEPT * length
-        if iteration > 0 and (mean <= last and wrong < kept
+        if iteration > 0 and bad == 0 and (mean <= last and wrong < kept
                               or near and (part < _STUCK or iteration > _PATIENCE)):
-            done = bad == 0
-            falls = not done
+            done = True
             break
+        if bad == 0 and iteration > (_SHARPLY_ENOUGH if sharp else _ENOUGH):
+            far = 0.0
+            for a in range(count):
+                for i in range(3):
+                    far = max(far, abs(moved[a, i]))
+            if mean < _BARRIER * laws.tau and wrong < _ROUGH * far:
+                done = True
+                break
         _put_springs(state.attached, rows, laws.given_nodes, laws.given_points, springs.spring)
         assemble(system, state, hessian)
         bad = factorize(system, hessian, shift)
         lost = 0 if bad == 0 else lost + 1
         more = 0.0 if bad == 0 or count == 0 else 0.25 * more
-        if bad > 0 and (count == 0 or mean <= last or lost > _LOST):
-            falls = True
-            break
+        if bad > 0 and (count == 0 or mean <= last or near or lost > _LOST):
+            while bad > 0 and shift < most:
+                shift = max(_STIFFER * shift, floor)
+                bad = factorize(system, hessian, shift)
+            if bad > 0:
+                falls = True
+                break
+            if factorize(system, hessian, 0.5 * shift) == 0:
+                shift *= 0.5
+            else:
+                factorize(system, hessian, shift)
+            more, lost = 0.0, 0
         unstable = bad > 0
         while bad > 0 and more < _MOST_SHIFT:
             more = max(_LEAST_SHIFT, 4.0 * more)
@@ -547,6 +583,7 @@ def interior_step(system, state, hessian, laws, shift, sharp, force, answer, rea
             falls = True
             break
         bad = int(unstable)
+        couples = laws.rubs and iteration > _FROM and not (couples and part < _JAMS)
         target, part = 0.0, 1.0
         for stage in range(2):
             for a in range(count):
@@ -575,7 +612,7 @@ def interior_step(system, state, hessian, laws, shift, sharp, force, answer, rea
                         push += soft[a, i, j] * r[j]
                     springs.force[a, i] = push / (mu if i == 0 else 1.0)
             _solve_linear(system, state, hessian, laws, springs, more, back, answer, reaction,
-                          bad < 0)
+                          _ROUGHLY if couples else 1.0)
             part = 1.0
             for a in range(count):
                 mu = laws.friction[a]
@@ -593,10 +630,12 @@ def interior_step(system, state, hessian, laws, shift, sharp, force, answer, rea
                     dx[a, i] = springs.force[a, i]
                     for j in range(3):
                         dx[a, i] -= springs.spring[a, i, j] * answer.moved[a, j]
+                    dx[a, i] += springs.pulls[a, i] * answer.other[a]
                     dx[a, i] = dx[a, i] * (mu if i == 0 else 1.0) - x[a, i]
                     dz[a, i] = (left[a, i] + (answer.moved[a, i] - moved[a, i])
                                 / (mu if i == 0 else 1.0)
                                 + give / (mu * mu if i == 0 else 1.0) * dx[a, i])
+                dz[a, 0] += answer.other[a]
                 part = min(part, _to_boundary(x[a], dx[a]))
                 part = min(part, _to_boundary(z[a], dz[a]))
             if stage > 0 or count == 0:
@@ -639,7 +678,7 @@ def interior_step(system, state, hessian, laws, shift, sharp, force, answer, rea
     for j in range(back.shape[0]):
         for i in range(3):
             answer.step[j, i] = back[j, i]
-    return -1 if falls else 1 if done else 0
+    return (-1 if falls else 1 if done else 0), shift
 
 
 @kernel(error_model='numpy')
@@ -667,16 +706,17 @@ def exact_step(system, state, hessian, laws, shift, force, answer, reaction):
             z[a, r] = (size + firm * away) * along
     for _ in range(_FEW):
         for a in range(count):
-            springs.normal[a] = p[a]
             for i in range(3):
-                springs.force[a, i] = 0.0
+                springs.force[a, i] = springs.pulls[a, i] = springs.sense[a, i] = 0.0
                 for j in range(3):
                     springs.spring[a, i, j] = 0.0
-            springs.pulls[a, 0] = springs.pulls[a, 1] = 0.0
+            springs.offset[a] = -p[a]
             if not bears[a]:
                 continue
             springs.spring[a, 0, 0] = firm
             springs.force[a, 0] = laws.first[a, 0] - firm * laws.gap[a]
+            springs.offset[a] += springs.force[a, 0]
+            springs.sense[a, 0] = -firm
             if not laws.friction[a] > 0.0:
                 continue
             size = np.sqrt(z[a, 0] ** 2 + z[a, 1] ** 2)
@@ -686,7 +726,7 @@ def exact_step(system, state, hessian, laws, shift, force, answer, reaction):
                     springs.spring[a, 1 + r, 1 + r] = firm
                     springs.force[a, 1 + r] = laws.first[a, 1 + r] - firm * laws.slid[a, r]
                     continue
-                springs.pulls[a, r] = -laws.friction[a] * z[a, r] / size
+                springs.pulls[a, 1 + r] = -laws.friction[a] * z[a, r] / size
                 springs.force[a, 1 + r] = -limit * z[a, r] / size
                 for q in range(2):
                     springs.spring[a, 1 + r, 1 + q] = firm * limit / size * (
@@ -699,7 +739,7 @@ def exact_step(system, state, hessian, laws, shift, force, answer, reaction):
             found = -1
             break
         _solve_linear(system, state, hessian, laws, springs, 0.0, none, answer, reaction,
-                      laws.rubs)
+                      _COUPLED if laws.rubs else 1.0)
         same, change = True, 0.0
         for a in range(count):
             for i in range(3):

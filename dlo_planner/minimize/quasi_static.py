@@ -72,17 +72,14 @@ _LEAST_SHIFT, _FLOOR, _MOST_SHIFT = 1e-3, 1e-4, 1e9
 _SLIGHTLY = 1e-2  # times the first one: one that hardly counts
 _LARGER, _SMALLER = 4.0, 0.1  # most and least that it is multiplied by
 _AIM, _BAD = 0.3, 1.0  # wrong part of the gradient after a step: as it should be; too large
-# What is left of the shift with which the DLO did not stand, after a step that went well; times
-# the second one after a step as foreseen, with an error below the third
-_FORGOTTEN, _AFRESH, _ALMOST = 0.8, 0.3, 1e-2
 _EASY, _QUIET = 0.02, 1e-3  # rad, residual: after such a step contacts hardly change
 _DEEPER = 0.3     # of a step: how much deeper than foreseen it may bring a contact
 _SLIGHT = 1e-5    # of the length: a depth that is always allowed
 _DEPTH = 10.0     # times the residual, of the length: how deep a contact may be at the end
 _SOFT = 1e-10     # of the loads per length: springs that hardly push
 _TINY = 1e-15     # of the loads: the force of a candidate
-_BEARS = 1e-4     # of the loads that an element has: a smaller force is none
-_FIRM = 1e3       # times that: a force that is one in spite of a gap
+_BEARS = 1e-6     # of the loads that an element has: a smaller force is none
+_FIRM = 1e2       # times that: a force that is one in spite of a gap
 _STICKS = 0.99    # of its limit: friction below holds what it acts on
 # Of the length: a point inside an element is a candidate that is deeper in an obstacle than its
 # nodes by this much; far from rest by as much as the residual times the second, at most the third
@@ -94,10 +91,11 @@ _BESIDE = 0.01    # of an element: a point in it is not nearer to a node
 
 @kernel
 def settle(system, q, previous, rough, most, flow):
-    """Return Problem with its contact forces, unknowns, steps and residual, where the flow rests.
+    """Return Problem with its contact forces, unknowns, steps, residual, where the flow rests.
 
     At rest the residual is below `rough`, and no contact is deeper than `_DEPTH` times that, of the
     length; the flow also ends after `most` steps. `flow` (1,) is the shift, here and where it ends.
+    The last value returned is whether the DLO does not stand there with a smaller one.
     """
     length, hold = np.sum(system.lengths), system.effects.hold
     rigidity = bending_energy(system) / length
@@ -110,15 +108,17 @@ def settle(system, q, previous, rough, most, flow):
     place(system, state)
     loaded = with_candidates(system, state, previous, near, whole, 1.0)
     state, residual, table, _ = kkt_residual(loaded, state.q)
-    shift, steps, stands, easy, falls = flow[0], 0, False, False, -1.0
+    shift, steps, stands, easy, falls = flow[0], 0, False, False, False
     floor, largest, worked = _FLOOR * least, _MOST_SHIFT * least, np.zeros(1)
     while steps < most and shift < largest:
-        if (stands or shift < _SLIGHTLY * least) and residual < rough and deepest(table) < (
+        known = stands or falls or shift < _SLIGHTLY * least
+        if known and residual < rough and deepest(table) < (
                 max(_DEPTH * rough, 2.0 * _FINE) * length):
             break
         steps += 1
         if is_to_end(worked, system, _COST):
             break
+        tried = shift
         part, error, turn, met = 0.0, np.inf, np.inf, False
         _, shear = forces(table, state)
         laws = step_laws(loaded, state, table, shear, 1.0 / (1.0 + shift), reaction.size)
@@ -127,8 +127,8 @@ def settle(system, q, previous, rough, most, flow):
         if easy:
             found = exact_step(loaded, state, hessian, laws, shift, force, answer, reaction)
         if found < 1:
-            found = interior_step(loaded, state, hessian, laws, shift, easy, force, answer,
-                                  reaction)
+            found, shift = interior_step(loaded, state, hessian, laws, shift, floor, largest, easy,
+                                         force, answer, reaction)
         if found > 0:
             turn = largest_turn(loaded, hessian, answer.step)
             if turn < np.inf:
@@ -172,36 +172,31 @@ def settle(system, q, previous, rough, most, flow):
         if error < _BAD:
             stands, easy = shift == 0.0 and part == 1.0, turn < _EASY and later < _QUIET
             loaded, state, residual, table = after, there, later, its_table
-        if found < 1:
-            falls = max(falls, shift)
-        shift, falls = next_shift(shift, error, falls, floor)
+        falls = found < 1 or shift > tried
+        shift = next_shift(shift, error, tried, floor)
     flow[0] = shift if shift < largest else 0.0
-    return loaded, state.q, steps, residual
+    return loaded, state.q, steps, residual, falls
 
 
 @kernel
-def next_shift(shift, error, falls, floor):
-    """Return the shift of the next step of a flow, and that with which the DLO does not stand.
+def next_shift(shift, error, tried, floor):
+    """Return the shift of the next step of a flow, after one with such an error.
 
-    After a step with such an error, infinite if it is not made. Where the DLO falls its flow leaves
-    an equilibrium that is none any more, the faster the nearer the shift is to that with which it
-    does not stand (`falls`; -1: it stands with any). It is approached, not tried at each step.
+    The error is infinite if the step was not made. Where the DLO falls its flow leaves an
+    equilibrium that is none any more, the faster the nearer the shift is to that with which it does
+    not stand. It is approached from above.
 
     Args:
+        tried: with which that step began; the DLO may not have stood with it
         floor: smaller shifts are none
     """
     factor = error / _AIM
     if factor > 1.0:
-        shift = max(shift, floor) * min(factor * factor, _LARGER)
-    else:
-        smaller = shift * max(factor, _SMALLER)
-        if falls >= 0.0:
-            smaller = max(smaller, np.sqrt(max(falls, floor) * shift))
-            falls *= _FORGOTTEN * (_AFRESH if error < _ALMOST else 1.0)
-        shift = smaller
-    if shift < floor:
-        return 0.0, -1.0
-    return shift, falls
+        return max(shift, floor) * min(factor * factor, _LARGER)
+    smaller = shift * max(factor, _SMALLER)
+    if tried < shift:
+        smaller = max(smaller, np.sqrt(max(tried, floor) * shift))
+    return smaller if smaller >= floor else 0.0
 
 
 @kernel
@@ -425,11 +420,13 @@ def with_bearing(system, q, given, exactly):
             for i in range(3):
                 x[i] -= out * normals[c, i]
                 along += x[i] * shear[a, i]
-            # what sticks has its force wherever in the compliance of the step it has come to rest
-            slid = along > fine * size
-            if exactly and not (slid and size > _STICKS * limit):
+            # what sticks has its force wherever in the compliance of the step it has come to rest;
+            # what slides does so along its friction, as exactly as a step is solved
+            slides = along > fine * size and size > _STICKS * limit
+            if exactly:
                 for i in range(3):
-                    traction[c, i] -= given.grip * x[i]
+                    traction[c, i] -= given.grip * (
+                        x[i] - (along * shear[a, i] / (size * size) if slides else 0.0))
     springs = _with_grip(with_springs(old, given.stiffness, node, multiplier), given.grip)
     contacts = with_contacts_of(springs, old.element[kept], old.obstacle[kept], multiplier[kept],
                                 fraction[kept], old.anchor[kept], normals[kept],

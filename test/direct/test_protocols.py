@@ -192,7 +192,9 @@ def test_a_dlo_comes_to_lie_round_a_bar_without_a_gap():
     ways = [Pose((-0.3, 0, z), (0, 0, 0, 1)) for z in np.linspace(0.035, 0.005, 13)]
     shapes = direct.track(ways)
     assert all(shape.converged for shape in shapes)
-    assert {len(shape.contacts) for shape in shapes} == {1, 2, 3}
+    counts = [len(shape.contacts) for shape in shapes]
+    assert counts[1] == 1 and max(counts) > 2 and counts[-1] == 2
+    assert all(0.374 < one.s < 0.3925 for shape in shapes[1:] for one in shape.contacts)
     pressed = [sum(one.force * one.normal for one in shape.contacts) for shape in shapes]
     steps = np.linalg.norm(np.diff(pressed, axis=0), axis=1)
     assert steps.max() < 0.1  # N of 1.3 N: the force spreads, it does not leap

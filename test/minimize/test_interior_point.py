@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, DirectSimulator, Plane, Pose, Rod
+from dlo_planner.minimize.contact_solver import _judged, _lowest, _stiffened
 from dlo_planner.minimize.contact_table import kkt_residual
 from dlo_planner.minimize.hessian import assemble, new_hessian
 from dlo_planner.minimize.interior_point import (
@@ -68,11 +69,29 @@ def test_the_scaling_takes_both_points_to_one():
         for point in (x, z):
             point[1:] = rng.normal(size=2)
             point[0] = np.linalg.norm(point[1:]) + rng.exponential(0.1) + 1e-6
-        scale, middle = np.empty((3, 3)), np.empty(3)
-        _scaling(x, z, middle, scale)
+        scale, unscale, soft, middle = (*np.empty((3, 3, 3)), np.empty(3))
+        _scaling(x, z, 0.4, 1e-3, middle, scale, unscale, soft)
         np.testing.assert_allclose(scale @ middle, x, rtol=1e-7)
         np.testing.assert_allclose(middle, scale @ z, rtol=1e-12)
         np.testing.assert_allclose(scale, scale.T)
+        np.testing.assert_allclose(scale @ unscale, np.eye(3), atol=1e-6)
+        gives = np.diag([1e-3 / 0.4**2, 1e-3, 1e-3])
+        np.testing.assert_allclose(soft @ (unscale @ unscale + gives), np.eye(3), atol=1e-6)
+
+
+def test_a_spring_of_what_slides_pulls_no_way():
+    """Eigenvalues of the scaling may differ by 1e16: none of the spring becomes negative."""
+    rng = np.random.default_rng(0)
+    for power in (-6, -10, -14, -18):
+        for _ in range(20):
+            way = rng.normal(size=2)
+            size, beyond = np.linalg.norm(way), 1.0 + 10.0**power
+            x, z = np.array([size * beyond, *way]), np.array([3 * size * beyond, *(-3 * way)])
+            scale, unscale, soft, middle = (*np.empty((3, 3, 3)), np.empty(3))
+            _scaling(x, z, 0.5, 1e-6, middle, scale, unscale, soft)
+            assert np.isfinite(soft).all()
+            assert np.linalg.eigvalsh(soft).min() > -1e-9 * soft.max()
+            np.testing.assert_allclose(soft, soft.T)
 
 
 def test_a_step_ends_at_the_boundary_of_its_cone():
@@ -117,10 +136,13 @@ def test_after_a_step_the_laws_hold(friction, shift=100.0):
     found = np.zeros((table.gap.size, 3))
     laws = step_laws(system, state, table, shear, 1.0, 0)
     # (by itself it falls)
-    assert interior_step(system, state, hessian, laws, 0.01, True, found, answer,
-                         np.zeros(0)) == -1
-    assert interior_step(system, state, hessian, laws, shift, True, found, answer,
-                         np.zeros(0)) == 1
+    assert interior_step(system, state, hessian, laws, 0.01, 0.01, 0.05, True, found, answer,
+                         np.zeros(0))[0] == -1
+    came, more = interior_step(system, state, hessian, laws, 0.01, 0.01, 1e6, True, found, answer,
+                               np.zeros(0))
+    assert came == 1 and 0.05 < more < 1e4
+    assert interior_step(system, state, hessian, laws, shift, 0.01, 1e6, True, found, answer,
+                         np.zeros(0)) == (1, shift)
     assemble(system, state, hessian)
     moved, loads = np.zeros_like(found), np.zeros_like(answer.step)
     put_motions(system, hessian, laws.rows, answer.step, moved)
@@ -146,13 +168,11 @@ def test_after_a_step_the_laws_hold(friction, shift=100.0):
 
 
 def test_a_shift_approaches_that_with_which_a_dlo_falls():
-    shift, falls = next_shift(1.0, 1e-3, -1.0, 1e-4)
-    assert shift == pytest.approx(0.1) and falls == -1.0
-    assert next_shift(1e-4, 1e-3, -1.0, 1e-4) == (0.0, -1.0)
-    shift, falls = next_shift(1.0, 0.1, 0.5, 1e-4)
-    assert 0.5 < shift < 1.0 and 0.0 < falls < 0.5
-    assert next_shift(1.0, np.inf, 0.5, 1e-4)[0] == 4.0
-    assert next_shift(0.0, np.inf, 0.0, 1e-4)[0] > 0.0
+    assert next_shift(1.0, 1e-3, 1.0, 1e-4) == pytest.approx(0.1)
+    assert next_shift(1e-4, 1e-3, 1e-4, 1e-4) == 0.0
+    assert 0.5 < next_shift(1.0, 0.1, 0.5, 1e-4) < 1.0
+    assert next_shift(1.0, np.inf, 0.5, 1e-4) == 4.0
+    assert next_shift(0.0, np.inf, 0.0, 1e-4) > 0.0
 
 
 def test_a_cable_is_laid_on_a_table_in_few_steps():
@@ -210,3 +230,17 @@ def test_a_cable_over_the_edge_of_a_table():
         shape = direct.solve(Pose((-0.5, 0, height), level), shape)
         assert shape.converged, shape.status
     assert shape.contacts
+
+
+def test_contacts_that_give_let_a_dlo_not_seem_to_fall():
+    """What lies on a table is as stable as on springs that do not give, however soft they are."""
+    shape = laid(0.5, [0.6, 0.5, 0.45, 0.4])[-1]
+    mesh = shape.state.mesh
+    system = mesh.system(shape.gripper.rotation, np.array(shape.gripper.position),
+                         shape.state.history)
+    q = mesh.unknowns(shape.element_strains)
+    soft = _stiffened(system, kkt_residual(system, q)[0], 1e-6)
+    state = kkt_residual(soft, q)[0]
+    seems, _ = _lowest(soft, state, 1e-8, 1e-9)
+    stability, _ = _judged(soft, state, 1e-8, 1e-9)
+    assert seems < -1e-3 < 1e-3 < stability
