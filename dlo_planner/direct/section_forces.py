@@ -3,10 +3,11 @@
 """Forces and moments inside a DLO at rest, from what acts on it and how it is strained.
 
 Where the DLO is cut at s, the part beyond exerts a force n and a moment m on the part before.
-Balance of the part beyond gives both: n is the sum of the forces that act there, and back from the
-tip m grows by dr x n and by the moments that act. A contact of a rectangular DLO is beside its axis,
-and nobody says where: there m is that of the strains. Its mean over an element, along the axes that
-turn with the DLO, is the moment of the element's strain, as the minimum of the potential says.
+Balance of the part beyond gives both: n is the sum of the forces that act there, and back from
+the tip m grows by dr x n and by the moments that act. A contact of a rectangular DLO is beside its
+axis, and nobody says where: there m is that of the strains. Its mean over an element, along the
+axes that turn with the DLO, is the moment of the element's strain, as the minimum of the potential
+says.
 """
 
 from __future__ import annotations
@@ -18,17 +19,18 @@ import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.energy.loads import node_masses
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import figure, results
 from dlo_planner.model.rod import BACK
-from dlo_planner.model.value import Value, brief, put
+from dlo_planner.model.value import brief, put
+from dlo_planner.pictured import Reported
 
 _SAME = 1e-9     # of the length: places that are nearer are one
 _SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SectionForces(Value):
+class SectionForces(Reported):
     """Forces and moments inside a DLO along its length.
 
     Every place stands twice, as it is seen from before and from beyond: where a contact, a hold or
@@ -135,11 +137,11 @@ def section_forces(mesh: Discretization, frame_at: Callable[[float], tuple[Float
     sides = [0, 1, 2] + 2 * np.arange(ends.size - 1)[:, None]  # of each piece, its middle between
     frames, positions = frames[sides], positions[sides]
 
-    element = np.searchsorted(s, ends[:-1], side='right') - 1
+    element: Ints = np.searchsorted(s, ends[:-1], side='right') - 1
     if bent is None:
         turns = np.cross(positions[:, 2] - positions[:, 0], acts)
-        moments = np.cumsum(turns[::-1], axis=0)[::-1, None] - np.array([[0.0], [1.0]]) * turns[:, None]
-        moments = beyond[:, None, 3:] + moments
+        begin = np.cumsum(turns[::-1], axis=0)[::-1] + beyond[:, 3:]
+        moments = np.stack([begin, begin - turns], axis=1)
     else:
         moments = _strained(element, np.diff(ends), frames, positions, acts,
                             mesh.free.stiffness * bent)
@@ -147,7 +149,7 @@ def section_forces(mesh: Discretization, frame_at: Callable[[float], tuple[Float
     middles, lengths = 0.5 * (s[1:] + s[:-1]), np.diff(s)
     spread, load = rod.masses_per_length(middles)[:, None] * gravity, mesh.surroundings.load
     if load is not None:
-        spread += [load(at) for at in middles] if callable(load) else load
+        spread += np.array([load(at) for at in middles] if callable(load) else load, dtype=float)
     for side in (0, 1):  # nodes bear what is spread along the elements
         share = ((ends[side:ends.size - 1 + side] - s[element]) / lengths[element])[:, None]
         weight = lengths[element, None] * spread[element]
@@ -170,7 +172,7 @@ def _snapped(s: Floats, places: Floats) -> Floats:
     return result
 
 
-def _strained(element: Floats, lengths: Floats, frames: Floats, positions: Floats, force: Floats,
+def _strained(element: Ints, lengths: Floats, frames: Floats, positions: Floats, force: Floats,
               strained: Floats) -> Floats:
     """Return the moments (J, 2, 3) at both ends of J pieces, in each of which a force is constant.
 

@@ -17,6 +17,7 @@ from dlo_planner.direct.discretization import Discretization, Memory, mapped
 from dlo_planner.direct.modes import MOST_MODES, SPARE, Linearized, Modes, continued, modes_of
 from dlo_planner.direct.section_forces import SectionForces, section_forces
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
+from dlo_planner.direct.touches import Touch, touches_of
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import folded, frame_along, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
@@ -681,9 +682,25 @@ class Shape(Pictured):
             return np.vstack([back[::-1] * BACK, on])
         return self.element_strains - mesh.stress_free(self.state.history)
 
+    @property
+    def touches(self) -> tuple[Touch, ...]:
+        """What the DLO bears on: a Touch for each obstacle that it touches.
+
+        Raises
+        ------
+        InvalidTask
+            The shape touches something, comes from a file and does not know what.
+        """
+        if not self.contacts:
+            return ()
+        if self.rod is None:
+            raise InvalidTask(_UNKNOWN_ROD)
+        return touches_of(self.contacts, self.obstacles, self.s, self.positions,
+                          Surface.of(self.rod).radius or _ROUNDING * float(self.s[-1]))
+
     @cached_property
     def section_forces(self) -> SectionForces:
-        """Forces and moments inside the DLO, at both sides of every node and of all that acts on it.
+        """Forces and moments inside the DLO, on both sides of nodes and of all that acts on it.
 
         By the balance of what acts beyond a place; moments of a rectangular DLO in contact by its
         strains. Their errors are those of the shape.
@@ -710,8 +727,9 @@ class Shape(Pictured):
         bend = float(mesh.free.stiffness[:, 1:].max()) / self.s[-1] ** 2
         most = max(bend, *np.linalg.norm(found.force, axis=1))
         if not found.imbalance <= _BALANCED * most:
-            raise InvalidTask(f'the forces on this shape ({self.status}) leave {found.imbalance:.2g} '
-                              'N over: expected a converged one at rest under dead loads')
+            raise InvalidTask(f'the forces on this shape ({self.status}) leave '
+                              f'{found.imbalance:.2g} N over: expected a converged one at rest '
+                              'under dead loads')
         return found
 
     @property

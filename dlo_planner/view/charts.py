@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dlo_planner.direct.section_forces import SectionForces
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.fit import Fit
 from dlo_planner.model.arrays import Floats
@@ -111,6 +112,38 @@ def speeds(axes: Any, trajectory: Trajectory) -> None:
              title='gripper (dotted: limits of speed)')
     axes.title.set_fontsize(10)
     axes.grid(alpha=0.3)
+
+
+_DIAGRAMS_SIZE = (8.0, 5.4)  # inches
+
+
+def plot_section_forces(inside: SectionForces, ax: Axes | None = None) -> Figure:
+    """Return the Figure of SectionForces along the DLO; in axes that are given, tension alone."""
+    lines = (('tension [N]', {'': inside.tension}),
+             ('shear [N]', {'along n': inside.shear[:, 0], 'along b': inside.shear[:, 1]}),
+             ('moment [N m]', {'torque': inside.torque, 'bending about n': inside.moment[:, 1],
+                               'bending about b': inside.moment[:, 2]}))
+    if ax is not None:
+        places = [checked_axes(ax)]
+    else:
+        places = matplotlib('.pyplot').figure(
+            figsize=_DIAGRAMS_SIZE, layout='constrained').subplots(3, 1, sharex=True)
+    for axes, (label, values) in zip(places, lines, strict=False):
+        axes.axhline(0.0, color='0.6', lw=0.8)
+        for (name, one), color in zip(values.items(), (_BLUE, _BROWN, _GREEN), strict=False):
+            axes.plot(inside.s, one, color=color, lw=1.4, label=name)
+        most = max(float(np.abs(one).max()) for one in values.values())
+        if most < _NO_FORCE:
+            axes.set_ylim(-1.0, 1.0)  # else the picture is one of rounding errors
+        axes.set(ylabel=label, xlim=(0.0, inside.s[-1]))
+        axes.grid(alpha=0.3)
+        if len(values) > 1:
+            axes.legend(fontsize=8, loc='best')
+    places[-1].set_xlabel('s, from the gripper [m]')
+    return places[0].figure
+
+
+_NO_FORCE = 1e-12  # N, N m
 
 
 def plot_fit(fit: Fit, ax: Axes | None = None) -> Figure:

@@ -152,11 +152,11 @@ class Frame:
         if self.space:
             self.axes.view_init(_ELEVATION, azimuth)
 
-    def color_bar(self, top: float, label: str) -> None:
-        """Show what the colors mean: from 0 to `top`, what is beyond in ALERT."""
+    def color_bar(self, top: float, label: str, low: float = 0.0) -> None:
+        """Show what the colors mean: from `low` to `top`, what is beyond in ALERT."""
         colors = matplotlib().colormaps['viridis'].with_extremes(
             over=ALERT)
-        scale = matplotlib('.colors').Normalize(0.0, top)
+        scale = matplotlib('.colors').Normalize(low, top)
         mappable = matplotlib('.cm').ScalarMappable(scale, colors)
         if self.own and self.space:
             width, height = self.figure.get_size_inches()

@@ -101,6 +101,30 @@ def test_bars_are_as_long_as_deviations_and_shapes_lie_where_they_are():
         assert np.abs(drawn - point).sum(axis=1).min() < 1e-9
 
 
+def test_a_shape_tells_the_largest_forces_inside_and_where():
+    shape = values()['Shape']
+    said = {line.split('  ')[1]: line.split() for line in shape.summary().splitlines()[1:]}
+    inside = shape.section_forces
+    assert float(said['tension, largest'][2]) == pytest.approx(inside.tension.max(), rel=1e-3)
+    bend = np.linalg.norm(inside.bending_moment, axis=1)
+    assert said['bending moment, largest'][3:] == [f'{bend.max():.4g}', 'N', 'm,', 'at', '0', 'm']
+    pushed = values()['DirectSimulator'].simulate(
+        [Pose((0, 0, 1), (0, 0, 0, 1)), Pose((0, 0, 1.1), (0, 0, 0, 1))], 0.05).shapes[-1]
+    line, = (line for line in pushed.summary().splitlines() if 'shear' in line)
+    assert line.split()[3:6] == ['not', 'looked', 'at']
+
+
+def test_a_shape_tells_how_it_lies_on_what():
+    cable = Rod(1.0, 0.05, 1e-3, 1e-3, radius=2e-3)
+    table = Plane((0, 0, 0), (0, 0, 1), 0.5, name='table')
+    shape = DirectSimulator(cable, obstacles=[table], basis='local', n_elements=40).track(
+        [Pose((0.02 * k, 0, 0.15), (0, 0, 0, 1)) for k in range(4)])[-1]
+    touch, = shape.touches
+    assert touch.length > 0.4
+    assert f'lies on table over {touch.length:.3g} m' in shape.summary()
+    assert f'{touch.slipping} of {touch.contacts} contacts slip' in shape.summary()
+
+
 def test_a_shape_tells_what_it_presses_by_name():
     rod, hand = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01), Pose((0, 0, 1), (0, 0, 0, 1))
     floor = Plane((0, 0, 0.9), (0, 0, 1), name='work bench')

@@ -203,6 +203,45 @@ def test_a_limited_rod_has_its_limit_on_the_bar():
     assert any(np.isclose(colors[:, :3], ALERT).all(axis=1).any() for _, colors in lines_of(axes))
 
 
+def laid_down():
+    """Return the Shape of a cable that lies on a table."""
+    cable = Rod(1.0, 0.05, 1e-3, 1e-3, radius=2e-3)
+    table = Plane((0, 0, 0), (0, 0, 1), 0.5, name='table')
+    return DirectSimulator(cable, obstacles=[table], basis='local', n_elements=40).track(
+        [Pose((0, 0, 0.15), (0, 0, 0, 1))])[-1]
+
+
+def test_tension_is_a_color_and_its_scale_goes_from_the_least_to_the_largest():
+    shape = laid_down()
+    axes, bar = in_space(shape, color='tension')
+    assert bar.get_ylabel() == 'tension [N]'
+    low, top = min(0.0, shape.tension.min()), max(0.0, shape.tension.max())
+    assert low < 0
+    np.testing.assert_allclose(bar.get_ylim(), (low, top))
+    painted = viridis((shape.tension - low) / (top - low))
+    colors = next(colors for segments, colors in lines_of(axes)
+                  if len(segments) == len(shape.s) - 1)
+    np.testing.assert_allclose(colors[:, :3], 0.5 * (painted[1:] + painted[:-1]), atol=1e-9)
+    moving = values()['DirectSimulator'].simulate([Pose((0, 0, 1), (0, 0, 0, 1)),
+                                                   Pose((0, 0, 1.1), (0, 0, 0, 1))], 0.05)
+    assert coloring(moving.shapes[-1], 'tension').caption == 'tension: not known'
+
+
+def test_forces_inside_are_drawn_along_the_dlo_with_their_jumps():
+    inside = laid_down().section_forces
+    figure = inside.plot()
+    tension, shear, moment = figure.axes
+    assert [one.get_ylabel() for one in figure.axes] == ['tension [N]', 'shear [N]',
+                                                         'moment [N m]']
+    assert moment.get_xlabel() == 's, from the gripper [m]'
+    for axes, curves in ((tension, [inside.tension]), (shear, inside.shear.T),
+                         (moment, inside.moment.T)):
+        for line, curve in zip(axes.lines[1:], curves, strict=True):  # the first is zero's
+            np.testing.assert_array_equal(line.get_data(), (inside.s, curve))
+    given = Figure()
+    assert inside.plot(ax=given.add_subplot()) is given and len(given.axes) == 1
+
+
 def test_a_report_says_what_it_found_and_whether_it_is_safe():
     report = values()['ValidationReport']
     axes, = report.plot().axes
