@@ -54,8 +54,7 @@ def plot_shape(shape: Shape, ax: 'Axes | Frame | None' = None, color: str | None
           [shape.gripper])
     frame.color_bar(painted.top, painted.label, painted.low)
     if shape.contacts:
-        most = max(float(np.linalg.norm(contact.vector)) for contact in shape.contacts)
-        frame.legend({f'contact force, {most:.3g} N at most': VERMILION})
+        frame.legend(_forces(shape))
     frame.title(_title(shape))
     return frame.figure
 
@@ -63,15 +62,17 @@ def plot_shape(shape: Shape, ax: 'Axes | Frame | None' = None, color: str | None
 def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
                    color: str | None = None, obstacles: Iterable[Obstacle] = ()) -> 'Figure':
     """Return the Figure of a Plan or a Motion, see `Plan.plot` and `Motion.plot`."""
-    color = choice('color', 'time' if color is None else color, OVER_TIME)
     if not len(value):
         raise InvalidTask(f'{value!r} cannot be drawn: expected one with a shape')
+    passes = np.ptp(value.times) > 0  # else nothing is later than anything
+    color = choice('color', ('time' if passes else 'curvature') if color is None else color,
+                   OVER_TIME)
     shapes = value.shapes
     stage = Stage.of(shapes, obstacles, value if isinstance(value, Plan) else None)
     frame = Frame.of(ax, stage.points)
     dlo, span, label = _over_time(value, color)
     if isinstance(value, Motion):
-        tracks = {'gripper': VERMILION, 'free end': _TIP}
+        tracks: dict[str, object] = {'gripper': VERMILION, 'free end': _TIP}
         lines = [Primitive('way', k, 'line', tint, points=[shape.positions[-k] for shape in shapes])
                  for k, tint in enumerate(tracks.values())]
     else:
@@ -79,11 +80,22 @@ def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
         path = path_primitives(value.grippers, _TICK * stage.length) if tracks else []
         lines = [*(replace(one, color=VERMILION) for one in path), *contact_primitives(shapes[-1])]
     _show(frame, stage, dlo + lines, [shapes[0].gripper, shapes[-1].gripper])
-    frame.color_bar(span[1], label, span[0])
+    if passes or color != 'time':
+        frame.color_bar(span[1], label, span[0])
+    if isinstance(value, Plan) and not tracks:
+        tracks = _forces(shapes[-1])
     if tracks:
         frame.legend(tracks)
     frame.title(_title(value))
     return frame.figure
+
+
+def _forces(shape: Shape) -> dict[str, object]:
+    """Return what a legend says of the arrows of contact forces: name -> color; {} of none."""
+    if not shape.contacts:
+        return {}
+    most = max(float(np.linalg.norm(contact.vector)) for contact in shape.contacts)
+    return {f'contact force, {most:.3g} N at most': VERMILION}
 
 
 def _over_time(value: Plan | Motion,
@@ -115,14 +127,9 @@ def _show(frame: Frame, stage: Stage, dlo: list[Primitive], grippers: Iterable[P
 
 
 def _title(value: Shape | Plan | Motion) -> str:
-    """Return the line that its repr says, in two if it is long."""
+    """Return the line that its repr says."""
     kind, content = repr(value)[:-1].split('(', 1)
-    parts, lines = content.split(', '), [f'{kind}:']
-    for part in parts:
-        if len(lines[-1]) + len(part) > 70:
-            lines.append('')
-        lines[-1] += f' {part},'
-    return '\n'.join(lines).rstrip(',')
+    return f'{kind}: {content}'
 
 
 # Pictures a second: a GIF counts hundredths of a second and drops what is left over.

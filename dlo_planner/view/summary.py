@@ -327,9 +327,19 @@ def _shapes_rows(shapes: Any) -> list[Row]:
             ('gripper bears at most, moment', figure(moment), 'N m')]
 
 
+_FITTED = {'bending_stiffness': 'N m^2', 'torsional_stiffness': 'N m^2', 'natural_curvature': '1/m',
+           'natural_twist': '1/m', 'mass_per_length': 'kg/m', 'tip_mass': 'kg', 'damping[0]': '1/s',
+           'damping[1]': 's'}
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a number of a Fit by its name, as 'natural_curvature[0]'."""
+    return _FITTED.get(name, _FITTED.get(name.split('[', maxsplit=1)[0], ''))
+
+
 def _deviating(name: str, number: float, deviation: float) -> Row:
-    return name, figure(number), (f'+- {deviation:.2g}' if np.isfinite(deviation)
-                                  else 'not told by the observations')
+    said = f'+- {deviation:.2g}' if np.isfinite(deviation) else 'not told by the observations'
+    return name, figure(number), f'{said} {unit_of(name)}'.rstrip()
 
 
 def flat(values: Mapping[str, Any]) -> Floats:

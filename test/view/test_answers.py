@@ -58,7 +58,7 @@ def test_an_estimate_is_kept_for_records(tmp_path):
 def test_tables_say_what_the_answers_say():
     fit, estimate, robust, trajectory, mapped, shapes = map(answer, NAMES)
     deviation = np.ravel(fit.deviations['bending_stiffness'])[0]
-    assert rows('Fit')[fit.names[0]].endswith(f'+- {deviation:.2g}')
+    assert rows('Fit')[fit.names[0]].endswith(f'+- {deviation:.2g} N m^2')
     assert rows('Estimate')['looks'] == str(estimate.looks)
     assert float(rows('Robustness')['miss by length'].split()[0]) == pytest.approx(
         robust.by_cause[:, robust.causes.index('length')].max(), rel=1e-3)
