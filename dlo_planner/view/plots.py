@@ -72,7 +72,7 @@ def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
     frame = Frame.of(ax, stage.points)
     dlo, span, label = _over_time(value, color)
     if isinstance(value, Motion):
-        tracks: dict[str, object] = {'gripper': VERMILION, 'free end': _TIP}
+        tracks: dict[str, tuple[float, ...]] = {'gripper': VERMILION, 'free end': _TIP}
         lines = [Primitive('way', k, 'line', tint, points=[shape.positions[-k] for shape in shapes])
                  for k, tint in enumerate(tracks.values())]
     else:
@@ -90,7 +90,7 @@ def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
     return frame.figure
 
 
-def _forces(shape: Shape) -> dict[str, object]:
+def _forces(shape: Shape) -> dict[str, tuple[float, ...]]:
     """Return what a legend says of the arrows of contact forces: name -> color; {} of none."""
     if not shape.contacts:
         return {}
