@@ -309,8 +309,10 @@ def test_what_is_identified_is_a_file_for_the_next_command():
     np.savetxt('seen.csv', simulator.solve(looks[1]).positions[8::8], delimiter=',',
                header='x,y,z', comments='')
     result = run('identify', 'copper_wire', 'looks.yaml', 'seen.csv', '-g', '0,0,1,1,0,1', '-p',
-                 'rod.diameter=0.0015', '--find', 'bending_stiffness', '-o', 'found.yaml')
+                 'rod.diameter=0.0015', '--find', 'bending_stiffness', '-o', 'found.yaml', '-o',
+                 'fit.png')
     assert result.exit_code == 0, result.output
+    assert Path('fit.png').read_bytes().startswith(b'\x89PNG')
     assert re.search(r'bending_stiffness\[0\] +0\.03', result.output)
     assert run('shape', 'found.yaml', '-g', '0,0,1', '-o', 'again.npz').exit_code == 0
     np.testing.assert_allclose(Shape.load('again.npz').positions[-1],
