@@ -87,9 +87,10 @@ def test_a_shape_is_that_of_the_library():
     np.testing.assert_allclose([float(rows[-1][key]) for key in 'xyz'], shape.positions[-1],
                                atol=1e-9)
     assert float(rows[-1]['s']) == 1.0
-    for names, values in ((['tension'], shape.tension[:, None]),
-                          (['torque'], shape.torque[:, None]), (['shear_n', 'shear_b'], shape.shear),
-                          (['moment_n', 'moment_b'], shape.bending_moment)):
+    for names, values in (
+            (['tension'], shape.tension[:, None]), (['torque'], shape.torque[:, None]),
+            (['shear_n', 'shear_b'], shape.shear),
+            (['moment_n', 'moment_b'], shape.bending_moment)):
         np.testing.assert_allclose([[float(row[name]) for name in names] for row in rows], values,
                                    atol=1e-9)
     assert Path('wire.png').read_bytes().startswith(b'\x89PNG')
