@@ -17,6 +17,8 @@ from dlo_planner.model.pose import Pose
 
 _TICK = 0.05  # m
 _SHOWN = 9    # wires drawn in a threading
+_EDGE = 0.16  # m, from the middle of the hole to beyond the sheet that is drawn
+_SIDE_WIDTH, _HOLE_WIDTH = 6.6, 3.4  # inches
 _COLORS = mpl.colormaps['viridis']
 
 
@@ -77,23 +79,34 @@ def save_cell(path: Path, hole: CutOut, shapes: Sequence[Floats], way: Floats,
     by the hole's axes: hardly ever in one of the shapes, which are seldom taken.
     """
     goal, radius = hole.pose, 1e3 * float(hole.radius or 0.0)
-    figure = Figure(figsize=(12, 6.4), layout='constrained')
-    axes = figure.subplot_mosaic([['side', 'hole'], ['above', 'hole']], width_ratios=(1.6, 1))
     level = np.array([*goal.direction[:2], 0.0]) / np.hypot(*goal.direction[:2])
-    aside, up = np.array([-level[1], level[0], 0.0]), np.array([0.0, 0.0, 1.0])
-    for name, across, label, edge in (('side', up, 'height', goal.rotation[:, 2]),
-                                      ('above', aside, 'aside', goal.rotation[:, 1])):
+    views = {'side': (np.array([0.0, 0.0, 1.0]), goal.rotation[:, 2], 'height [m]'),
+             'above': (np.array([-level[1], level[0], 0.0]), goal.rotation[:, 1], 'aside [m]')}
+    places = np.concatenate([*shapes, way]) - goal.position
+    along = _span(places @ level)
+    across = {name: _span(np.append(places @ up, [-_EDGE, _EDGE]))
+              for name, (up, _, _) in views.items()}
+    # both views have one scale: the figure is as tall as they are
+    tall = {name: np.ptp(span) / np.ptp(along) * _SIDE_WIDTH for name, span in across.items()}
+    figure = Figure(figsize=(_SIDE_WIDTH + _HOLE_WIDTH + 1.6, max(sum(tall.values()) + 1.9, 4.8)),
+                    layout='constrained')
+    axes = figure.subplot_mosaic([['side', 'hole'], ['above', 'hole']],
+                                 width_ratios=(_SIDE_WIDTH, _HOLE_WIDTH),
+                                 height_ratios=[*tall.values()])
+    for name, (up, edge, label) in views.items():
         axis = axes[name]
         for number in np.linspace(0, len(shapes) - 1, 2 * _SHOWN).round().astype(int):
             points = shapes[number] - goal.position
-            axis.plot(points @ level, points @ across, color=_COLORS(number / len(shapes)), lw=1.2)
+            axis.plot(points @ level, points @ up, color=_COLORS(number / len(shapes)), lw=1.2)
         off = way - goal.position
-        axis.plot(off @ level, off @ across, color='tab:red', lw=1.2, label='gripper')
-        _gap(axis, np.zeros(2), np.array([edge @ level, edge @ across]), 0.02)
-        axis.set(aspect='equal', xlabel='along the way through, level [m]', ylabel=f'{label} [m]',
-                 title=f'wire in the cell, from {"the side" if across is up else name}')
+        axis.plot(off @ level, off @ up, color='tab:red', lw=1.2, label='gripper')
+        _gap(axis, np.zeros(2), np.array([edge @ level, edge @ up]), 0.02)
+        axis.set(aspect='equal', xlim=along, ylim=across[name], ylabel=label)
+        axis.set_title(f'from {"the side" if name == "side" else name}, dark to bright by time',
+                       fontsize=10)
         axis.grid(alpha=0.3)
-    axes['side'].legend(loc='lower right', fontsize=9)
+    axes['above'].set_xlabel('along the way through, level [m]')
+    axes['side'].legend(loc='best', fontsize=9)
     pierced = np.array([one for one in (_pierced(points, goal) for points in shapes)
                         if one is not None]).reshape(-1, 2)
     axis = axes['hole']
@@ -101,13 +114,20 @@ def save_cell(path: Path, hole: CutOut, shapes: Sequence[Floats], way: Floats,
     axis.plot(*1e3 * pierced.T, 'o-', ms=4, color='tab:blue', label='where the wire passes')
     axis.plot(*1e3 * worst, 'X', ms=9, color='tab:red',
               label=f'largest miss, {1e3 * np.linalg.norm(worst):.1f} mm')
-    axis.set(aspect='equal', xlabel='across [mm]', ylabel='across [mm]',
-             xlim=(-1.3 * radius, 1.3 * radius), ylim=(-1.3 * radius, 1.3 * radius),
-             title='in the plane of the hole')
-    axis.legend(loc='upper right', fontsize=9)
+    axis.set(aspect='equal', xlabel='across, level [mm]', ylabel='across, upright [mm]',
+             xlim=(-1.2 * radius, 1.2 * radius), ylim=(-1.2 * radius, 1.2 * radius))
+    axis.set_title('in the plane of the hole', fontsize=10)
+    axis.legend(loc='upper center', bbox_to_anchor=(0.5, -0.14), fontsize=9, frameon=False)
     axis.grid(alpha=0.3)
-    figure.suptitle('A wire that the planner did not know: seen, identified, threaded, corrected')
+    figure.suptitle('A wire that the planner did not know: seen, identified, threaded, corrected',
+                    fontsize=11)
     figure.savefig(path, dpi=110)
+
+
+def _span(values: Floats) -> tuple[float, float]:
+    """Return the least and the largest value, a little apart from them."""
+    room = 0.05 * float(np.ptp(values))
+    return float(values.min()) - room, float(values.max()) + room
 
 
 def _pierced(points: Floats, goal: Pose) -> Floats | None:

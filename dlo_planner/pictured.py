@@ -144,8 +144,8 @@ class Pictured(Summarized):
             Axes to draw in; with projection='3d' in space, else from the side (x and z). If None, a
             new figure in space, seen from where most of it is seen.
         color : str, optional
-            'curvature' or 'yield', see `dlo_planner.view.colors.coloring`; 'time', where there are
-            times. If None, 'curvature' of a Shape, 'time' of a Plan or Motion.
+            'curvature', 'yield' or 'tension', see `dlo_planner.view.colors.coloring`; 'time', where
+            there are times. If None, 'curvature' of a Shape, 'time' of a Plan or Motion.
         obstacles : iterable of obstacle, optional
             Obstacles drawn besides those that the shapes know.
 
@@ -176,9 +176,9 @@ class Filmed(Pictured):
         path : str or PathLike
             Path of the film, ends with .gif or .mp4.
         color : str, optional
-            'curvature' or 'yield'.
+            'curvature', 'yield' or 'tension' (gray in motion, where it is not known).
         seconds : float, optional
-            Duration of the film, at most 120. If None, that of the motion, 10 at most.
+            Duration of the film, at most 120. If None, that of the motion, if it is not longer.
         obstacles : iterable of obstacle, optional
             Obstacles drawn besides those that the shapes know.
 

@@ -44,6 +44,8 @@ class Validation:
         script: path from the root of the repository, or '-m module'
         arguments: those of `make validation`: a sample where the whole takes too long
         whole: those of the whole, for a larger run by hand; empty: the same
+        extra: a package that it needs
+        data: an environment variable that names a folder with data that it needs
     """
 
     name: str
@@ -54,6 +56,7 @@ class Validation:
     measures: tuple[Measure, ...]
     whole: tuple[str, ...] = ()
     extra: str = ''
+    data: str = ''
 
 
 def largest(pattern: str) -> Callable[[str], float]:

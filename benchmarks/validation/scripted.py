@@ -38,6 +38,9 @@ def _run(entry: Validation, output: Path) -> Json:
              'whole': command(entry, entry.whole) if entry.whole else ''}
     if entry.extra and not find_spec(entry.extra):
         return about | {'measures': [], 'why': f'{entry.extra} is not installed', 'seconds': 0.0}
+    if entry.data and not Path(os.environ.get(entry.data, '')).is_dir():
+        return about | {'measures': [], 'why': f'{entry.data} names no folder with the data',
+                        'seconds': 0.0}
     begun = perf_counter()
     done = subprocess.run(
         [sys.executable, *entry.script.split(),

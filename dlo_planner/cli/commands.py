@@ -453,7 +453,7 @@ _SOUGHT = ('bending_stiffness', 'natural_curvature')
 @click.option('-o', '--output', 'outputs', multiple=True, metavar='FILE',
               type=click.Path(dir_okay=False, path_type=Path),
               help='Write a file; may be repeated: .yaml all parameters, for the node and as '
-              'CONFIG; .csv what was found.')
+              'CONFIG; .csv what was found; .png .svg .pdf a picture of it beside the points.')
 def identify(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pose, ...],
             unit: str, names: tuple[str, ...], noise: float | None,
             outputs: tuple[Path, ...]) -> None:
@@ -485,7 +485,7 @@ def identify(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pos
     Exit code 3: the search did not come to its end, or no such DLO has these points: swapped axes,
     another unit or frame. Parameters (-o x.yaml) are not written then.
     """
-    checked(outputs, ('.yaml', '.csv'))
+    checked(outputs, ('.yaml', '.csv', *PICTURES))
     values, direct = dlo.values, dlo.direct
     refuse_grasped(values, 'identify')
     observed = read_observations(observations, grippers, unit)
@@ -498,6 +498,8 @@ def identify(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pos
     for path in outputs:
         if path.suffix.lower() == '.csv':
             write_table(path, ('quantity', 'value', 'deviation or unit'), rows_of(fit))
+        elif path.suffix.lower() in PICTURES:
+            fit.plot().savefig(path, dpi=_DPI)
         elif not fit.converged:  # nobody is to work with it
             click.echo(f'not written: {path}', err=True)
             continue

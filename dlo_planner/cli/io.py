@@ -289,13 +289,23 @@ def _poses(value: Shape | Plan | Motion | ValidationReport) -> Sequence[Pose]:
     return value.grippers if isinstance(value, Plan) else ()
 
 
+def _inside(shape: Shape) -> Floats:
+    """Return forces and moments (N_L + 1, 6) inside a Shape, N and N m; nan where not known."""
+    try:
+        return np.column_stack([shape.tension, shape.shear, shape.torque, shape.bending_moment])
+    except InvalidTask:  # what did not converge is in no balance
+        return np.full((len(shape.s), 6), np.nan)
+
+
 def _table(value: Shape | Plan | Motion | ValidationReport,
            ) -> tuple[tuple[str, ...], Sequence[Sequence[object]]]:
     """Return the heading and the rows of a value."""
     if isinstance(value, Shape):
         quaternions = [value.at(s).quaternion for s in value.s]
-        return (('s', *'xyz', 'qx', 'qy', 'qz', 'qw', 'torsion', 'curvature_n', 'curvature_b'),
-                np.column_stack([value.s, value.positions, quaternions, value.strains]).tolist())
+        return (('s', *'xyz', 'qx', 'qy', 'qz', 'qw', 'torsion', 'curvature_n', 'curvature_b',
+                 'tension', 'shear_n', 'shear_b', 'torque', 'moment_n', 'moment_b'),
+                np.column_stack([value.s, value.positions, quaternions, value.strains,
+                                 _inside(value)]).tolist())
     if isinstance(value, Plan):
         poses = [[*pose.position, *pose.quaternion] for pose in value.grippers]
         return (('time', 'depth', *'xyz', 'qx', 'qy', 'qz', 'qw', 'miss', 'misalignment',

@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.discretization import Discretization, Memory, mapped
 from dlo_planner.direct.modes import MOST_MODES, SPARE, Linearized, Modes, continued, modes_of
+from dlo_planner.direct.section_forces import SectionForces, section_forces
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
+from dlo_planner.direct.touches import Touch, touches_of
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import folded, frame_along, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
@@ -54,6 +56,8 @@ from dlo_planner.pictured import Pictured
 _ROUNDING = 1e-9  # of the length
 _NEARLY, _STABLE, _KEPT = 1e-4, 1e-3, 1e-6  # what a shape is not to exceed to go on from it
 _NOT_KNOWN = Constant(float('nan'))
+_UNKNOWN_ROD = 'this shape does not know its rod: expected one from a simulator'
+_BALANCED = 1e-3  # of the largest force: what forces at rest may leave over
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -672,11 +676,93 @@ class Shape(Pictured):
         """
         mesh = self.state.mesh
         if mesh is None:
-            raise InvalidTask('this shape does not know its rod: expected one from a simulator')
+            raise InvalidTask(_UNKNOWN_ROD)
         if self.parts is not None:  # each with its own permanent set
             back, on = (part.bent for part in self.parts)
             return np.vstack([back[::-1] * BACK, on])
         return self.element_strains - mesh.stress_free(self.state.history)
+
+    @property
+    def touches(self) -> tuple[Touch, ...]:
+        """What the DLO bears on: a Touch for each obstacle that it touches.
+
+        Raises
+        ------
+        InvalidTask
+            The shape touches something, comes from a file and does not know what.
+        """
+        if not self.contacts:
+            return ()
+        if self.rod is None:
+            raise InvalidTask(_UNKNOWN_ROD)
+        return touches_of(self.contacts, self.obstacles, self.s, self.positions,
+                          Surface.of(self.rod).radius or _ROUNDING * float(self.s[-1]))
+
+    @cached_property
+    def section_forces(self) -> SectionForces:
+        """Forces and moments inside the DLO, on both sides of nodes and of all that acts on it.
+
+        By the balance of what acts beyond a place; moments of a rectangular DLO in contact by its
+        strains. Their errors are those of the shape.
+
+        Raises
+        ------
+        InvalidTask
+            The shape comes from a file, or the forces that are known do not balance: it is in
+            motion or not converged, or a load is not dead.
+        """
+        if self.parts is not None:
+            back, on = (part.section_forces for part in self.parts)
+            return back.joined(on, float(self.parts[0].s[-1]))
+        mesh = self.state.mesh
+        if mesh is None:
+            raise InvalidTask(_UNKNOWN_ROD)
+        places = [one.s for one in self.contacts] + [
+            place_of(hold, float(self.s[-1])) for hold in self.holds]
+        wrenches = [[*one.vector, 0.0, 0.0, 0.0] for one in self.contacts] + [*self.wrenches]
+        beside = bool(self.contacts) and Surface.of(mesh.rod).half is not None
+        found = section_forces(mesh, self.frame_at, self.gripper_wrench[:3],
+                               (np.array(places), np.reshape(wrenches, (-1, 6))),
+                               self.bent if beside else None)
+        bend = float(mesh.free.stiffness[:, 1:].max()) / self.s[-1] ** 2
+        most = max(bend, *np.linalg.norm(found.force, axis=1))
+        if not found.imbalance <= _BALANCED * most:
+            raise InvalidTask(f'the forces on this shape ({self.status}) leave '
+                              f'{found.imbalance:.2g} N over: expected a converged one at rest '
+                              'under dead loads')
+        return found
+
+    @property
+    def tension(self) -> Floats:
+        """(N_L + 1,) force along the DLO at the nodes, N, > 0 where it is pulled.
+
+        With `shear`, `torque` and `bending_moment` it is what the part beyond a node exerts on the
+        part before it, by the axes of the node's frame; just beyond the gripper at the first node,
+        just before the tip at the last one. Where something acts on a node it jumps, and what is
+        told here is the mean of both sides: `section_forces` has both, and raises as these do.
+        """
+        return self._at_nodes[0][:, 0]
+
+    @property
+    def shear(self) -> Floats:
+        """(N_L + 1, 2) force across the DLO at the nodes, along n and b, N; see `tension`."""
+        return self._at_nodes[0][:, 1:]
+
+    @property
+    def torque(self) -> Floats:
+        """(N_L + 1,) moment about the tangent at the nodes, N m; see `tension`."""
+        return self._at_nodes[1][:, 0]
+
+    @property
+    def bending_moment(self) -> Floats:
+        """(N_L + 1, 2) moment about n and b at the nodes, N m; see `tension`."""
+        return self._at_nodes[1][:, 1:]
+
+    @cached_property
+    def _at_nodes(self) -> tuple[Floats, Floats]:
+        forces = self.section_forces.at_nodes(self.s)
+        freeze(forces)
+        return forces
 
     @property
     def surface_strain(self) -> Floats:

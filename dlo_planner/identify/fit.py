@@ -33,7 +33,7 @@ from dlo_planner.identify.noise_model import LOSSES, MEstimator, Statistics
 from dlo_planner.identify.observation import Observation, ObservedMotion, check_points
 from dlo_planner.identify.residuals import ROUGHLY, MeasurementModel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
+from dlo_planner.model.checks import array, choice, figure, flag, instance, items, number, results
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, brief, figures, put
@@ -79,6 +79,10 @@ class Fit(Answer):
         where the noise was not stated.
     doubt : str
         Why the rod does not explain the points, and what to check; '' if it does.
+    observed : tuple of ndarray, shape (m, 3)
+        Points of each observation at rest, m.
+    found : tuple of ndarray, shape (n, 3)
+        Nodes of the DLO that explains them, m.
     """
 
     rod: Rod
@@ -91,6 +95,8 @@ class Fit(Answer):
     correlations: Floats | None = None
     birge_ratio: float = 1.0
     doubt: str = ''
+    observed: tuple[Floats, ...] = ()
+    found: tuple[Floats, ...] = ()
 
     def __post_init__(self) -> None:
         instance('Fit.rod', self.rod, Rod)
@@ -103,6 +109,13 @@ class Fit(Answer):
             put(self, correlations=results('Fit.correlations', self.correlations, (None, None)))
         put(self, birge_ratio=figure('Fit.birge_ratio', self.birge_ratio))
         instance('Fit.doubt', self.doubt, str)
+        for name in ('observed', 'found'):
+            given = instance(f'Fit.{name}', getattr(self, name), (tuple, list))
+            put(self, **{name: tuple(array(f'Fit.{name}[{k}]', one, (None, 3))
+                                     for k, one in enumerate(given))})
+        if len(self.observed) != len(self.found):
+            raise InvalidTask(f'Fit.found: expected {len(self.observed)} arrays, one for each of '
+                              f'Fit.observed, got {len(self.found)}')
         super().__post_init__()
 
     def __repr__(self) -> str:
@@ -323,7 +336,9 @@ def _fit(observed: MeasurementModel, statistics: Statistics, found: OptimizeResu
                unknowns.deviations(x, wider * statistics.deviations[:unknowns.size]), misfit,
                bool(found.success and all(here.solved) and not doubt), statistics.noise,
                observed.grippers(found.x), correlations,
-               1.0 if noise is None else float(np.sqrt(statistics.excess)), doubt)
+               1.0 if noise is None else float(np.sqrt(statistics.excess)), doubt,
+               tuple(one.points for one in observed.observations),
+               tuple(shape.positions for shape in here.shapes[:len(observed.observations)]))
 
 
 _CHANCE = 1e-4    # that the noise as stated leaves so much: less is none

@@ -46,7 +46,8 @@ class Observation(Value):
         end, one after the other, until those of the observation. It decides where the DLO has
         several shapes in the same grips. If None, a free DLO is set down in its natural shape; of
         one that is held at both ends that shape is taken which fits the points best, out of the one
-        that it comes to when it is set down and those near the points.
+        that it comes to when it is set down and those near the points; in a picture, which hardly
+        shows twist, the one with the least energy of those that fit alike.
 
     Raises
     ------

@@ -38,7 +38,8 @@ _TIMES = ('time', 't', 'stamp', 'frame')
 # columns that are known to tell nothing here: names of points, the rest of what
 # `dlo-planner shape -o wire.csv` writes
 _IDLE = ('id', 'name', 'label', 'index', 'point', 'marker', 'qx', 'qy', 'qz', 'qw', 'torsion',
-         'curvature_n', 'curvature_b')
+         'curvature_n', 'curvature_b', 'tension', 'shear_n', 'shear_b', 'torque', 'moment_n',
+         'moment_b')
 _HEADING = re.compile(r'(?P<name>.*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]|'
                       rf'(?:/\s*|\s|_)(?P<bare>{"|".join(UNITS)}))?')
 _UNIT = re.compile(r'[\[(]?\s*(\w*)\s*[\])]?')  # a cell of a line of units

@@ -211,7 +211,7 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'arm.deadline': (20.0, 'Computing after which the search is given up, s.'),
     'autostart': (True, 'Whether the node configures and activates itself, without a lifecycle '
                         'manager.'),
-    'markers.color': ('curvature', 'What the color of the DLO tells: curvature | yield.'),
+    'markers.color': ('curvature', 'What the color of the DLO tells: curvature | yield | tension.'),
     'execute.rate': (50.0, 'Commands per second on gripper_command.', 1.0, 1000.0),
     'execute.horizon': (1.0, 'Seconds of the coming motion on gripper_commands_ahead, for a robot '
                              'that follows their stamps; 0: none, the motion goes on with each '

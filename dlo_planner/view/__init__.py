@@ -35,7 +35,7 @@ def view(plan: Plan, inverse: InverseSimulator | None = None, *,
     obstacles : iterable of obstacle, optional
         Obstacles that are drawn. If None, those of `inverse` and its workspace.
     color : str, optional
-        'curvature' or 'yield'.
+        'curvature', 'yield' or 'tension'.
     host : str, optional
         Where the page is offered; another one than localhost lets the whole network in.
     port : int, optional

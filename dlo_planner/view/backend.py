@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PLOTS: dict[str, Callable[..., 'Figure']] = {
-    'Shape': plot_shape, 'Plan': plot_over_time, 'Motion': plot_over_time,
+    'Shape': plot_shape, 'SectionForces': charts.plot_section_forces, 'Plan': plot_over_time,
+    'Motion': plot_over_time,
     'ValidationReport': charts.plot_report, 'Fit': charts.plot_fit,
     'Estimate': charts.plot_estimate, 'Robustness': charts.plot_robustness,
     'Trajectory': charts.plot_trajectory, 'Shapes': charts.plot_shapes}

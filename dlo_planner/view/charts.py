@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dlo_planner.direct.section_forces import SectionForces
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.fit import Fit
 from dlo_planner.model.arrays import Floats
@@ -15,9 +16,18 @@ from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.verify.robustness import Robustness
 from dlo_planner.view.colors import VERMILION, viridis
-from dlo_planner.view.mpl import Frame, box_around, checked_axes, draw, matplotlib
+from dlo_planner.view.mpl import (
+    SIDES,
+    Frame,
+    azimuth,
+    box_around,
+    checked_axes,
+    draw,
+    matplotlib,
+    side_of,
+)
 from dlo_planner.view.primitives import Primitive
-from dlo_planner.view.summary import PART, figure, flat
+from dlo_planner.view.summary import PART, figure, flat, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,33 +68,36 @@ def plot_report(report: ValidationReport, ax: Axes | None = None) -> Figure:
 def _report_bars(axes: Any, report: ValidationReport) -> None:
     values = {label: (1e3 * getattr(report, name), small)
               for name, (label, small) in _DISTANCES.items()}
-    finite = [abs(value) for value, _ in values.values() if np.isfinite(value)]
-    most = 10 * max([10 * _LEAST, *finite])
+    said = [1e3 * report.tolerance, *(abs(value) for value, _ in values.values())]
+    most = max([10 * _LEAST, *(one for one in said if np.isfinite(one))])
     for row, (value, small) in enumerate(values.values()):
-        text, length, color = _bar(value, small, most)
+        text, length, color = _bar(value, small)
         axes.barh(row, max(length, _LEAST) - _LEAST, left=_LEAST, color=color, height=0.6)
         axes.annotate(text, (max(length, _LEAST), row), (4, 0), textcoords='offset points',
-                      va='center', fontsize=8, color='0.55' if np.isnan(value) else '0.1',
+                      va='center', fontsize=8, color='0.1' if length > 0 else '0.45',
                       bbox={'facecolor': 'w', 'edgecolor': 'none', 'pad': 0.5})
-    axes.set(xscale='log', xlim=(_LEAST, 3 * most), yticks=range(len(values)), xlabel='mm')
+    # a text beside the longest bar ends within the axes: it is a third of their width at most
+    decades = 1.5 * np.log10(most / _LEAST)
+    axes.set(xscale='log', xlim=(_LEAST, _LEAST * 10**decades), yticks=range(len(values)),
+             xlabel='distance [mm]', ylim=(len(values) - 0.4, -0.6))
     axes.set_yticklabels(list(values), fontsize=8)
-    axes.invert_yaxis()
     axes.grid(axis='x', alpha=0.3)
     if np.isfinite(report.tolerance):
-        axes.axvline(1e3 * report.tolerance, color='k', ls='--', lw=1,
-                     label=f'tolerance in motion, {1e3 * report.tolerance:.3g} mm')
-        axes.legend(loc='lower right', fontsize=8)
+        row = [*_DISTANCES].index('max_tracking_error')  # of the motion: what it is the limit of
+        at = 1e3 * report.tolerance
+        axes.plot([at, at], [row - 0.45, row + 0.45], color='k', ls='--', lw=1.2)
+        axes.annotate(f'tolerance {at:.3g} mm', (at, row), (4, 0), textcoords='offset points',
+                      va='center', fontsize=8)
     label = 'safe to execute' if report.safe else f'not safe: {report.reason}'
     axes.set_title(label, fontsize=10, color='0.1' if report.safe else _BAD, wrap=True)
 
 
-def _bar(value: float, small: bool, most: float) -> tuple[str, float, str]:
-    """Return the text, length and color of a bar of `value` mm."""
+def _bar(value: float, small: bool) -> tuple[str, float, str]:
+    """Return the text, length and color of a bar of `value` mm; no bar of what is no number."""
     if np.isnan(value):
         return 'not looked at', 0.0, _BLUE
     if np.isinf(value):
-        return ('could not be simulated' if small == (value > 0) else 'nothing is near',
-                most, _BAD if small == (value > 0) else _GREEN)
+        return ('could not be simulated' if small == (value > 0) else 'nothing is near'), 0.0, _BLUE
     if value < 0:
         return f'{value:.3g} mm: inside', -value, _BAD
     text = f'{value:.3g} mm' if value >= _LEAST else f'below {_LEAST:g} mm'
@@ -113,12 +126,87 @@ def speeds(axes: Any, trajectory: Trajectory) -> None:
     axes.grid(alpha=0.3)
 
 
+_DIAGRAMS_SIZE = (8.0, 5.4)  # inches
+
+
+def plot_section_forces(inside: SectionForces, ax: Axes | None = None) -> Figure:
+    """Return the Figure of SectionForces along the DLO; in axes that are given, tension alone."""
+    lines = (('tension [N]', {'': inside.tension}),
+             ('shear [N]', {'along n': inside.shear[:, 0], 'along b': inside.shear[:, 1]}),
+             ('moment [N m]', {'torque': inside.torque, 'bending about n': inside.moment[:, 1],
+                               'bending about b': inside.moment[:, 2]}))
+    if ax is not None:
+        places = [checked_axes(ax)]
+    else:
+        places = matplotlib('.pyplot').figure(
+            figsize=_DIAGRAMS_SIZE, layout='constrained').subplots(3, 1, sharex=True)
+    for axes, (label, values) in zip(places, lines, strict=False):
+        axes.axhline(0.0, color='0.6', lw=0.8)
+        for (name, one), color in zip(values.items(), (_BLUE, _BROWN, _GREEN), strict=False):
+            axes.plot(inside.s, one, color=color, lw=1.4, label=name)
+        most = max(float(np.abs(one).max()) for one in values.values())
+        if most < _NO_FORCE:
+            axes.set_ylim(-1.0, 1.0)  # else the picture is one of rounding errors
+        axes.set(ylabel=label, xlim=(0.0, inside.s[-1]))
+        axes.grid(alpha=0.3)
+        if len(values) > 1:
+            axes.legend(fontsize=8, loc='best')
+    places[-1].set_xlabel('s, from the gripper [m]')
+    return places[0].figure
+
+
+_NO_FORCE = 1e-12  # N, N m
+
+
+_FIT_SIZE = (10.0, 4.2)  # inches
+_SHOWN_PART = 1e-4  # of the value: what is known better is drawn there
+
+
 def plot_fit(fit: Fit, ax: Axes | None = None) -> Figure:
-    """Return the Figure of a Fit: how exactly each number is known, as a part of it."""
+    """Return the Figure of a Fit: the DLO found among the points, how exactly each number is known.
+
+    In axes that are given, the numbers alone.
+    """
+    if ax is not None or not fit.observed:
+        return _fit_numbers(_axes(ax), fit)
+    figure = matplotlib('.pyplot').figure(figsize=_FIT_SIZE, layout='constrained')
+    points = np.concatenate([*fit.observed, *fit.found])
+    side = side_of(np.concatenate(fit.found))  # noise of the points has no side
+    places = figure.add_subplot(1, 2, 1, projection=None if side else '3d')
+    frame = Frame(figure, places, side=side or SIDES['x'])
+    tints = viridis(np.linspace(0.0, 0.85, len(fit.found)))
+    draw(places, [one for k, (seen, line, tint) in enumerate(zip(
+        fit.observed, fit.found, tints, strict=True)) for one in (
+            Primitive('observed', k, 'points', tint, points=seen),
+            Primitive('found', k, 'line', tint, points=line))], frame.side)
+    frame.look(azimuth(points))
+    frame.show(*box_around(points))
+    places.set_title(f'points seen, DLO found: {1e3 * fit.misfit:.3g} mm apart', fontsize=10)
+    return _fit_numbers(figure.add_subplot(1, 2, 2), fit)
+
+
+def _fit_numbers(axes: Any, fit: Fit) -> Figure:
+    """Draw the standard deviation of each number as a part of it, and write both beside it."""
     numbers, spread = flat(fit.values), flat(fit.deviations)
-    parts = np.where(numbers == 0, np.inf, spread / np.abs(np.where(numbers == 0, 1.0, numbers)))
-    return _bars(ax, fit.names, 100 * parts, [_said(*row) for row in zip(
-        numbers, spread, strict=True)], 'standard deviation [% of the value]')
+    with np.errstate(divide='ignore', invalid='ignore'):
+        parts = np.where(numbers == 0.0, np.inf, spread / np.abs(numbers))
+    known = np.isfinite(parts)
+    shown = np.maximum(parts, _SHOWN_PART)
+    most = max(1.0, float(shown[known].max(initial=0.0)))
+    rows = np.arange(len(fit.names))
+    axes.hlines(rows[known], _SHOWN_PART, shown[known], color=_BLUE, lw=2)
+    axes.plot(shown[known], rows[known], 'o', color=_BLUE, ms=5)
+    for row, name in enumerate(fit.names):
+        unit = unit_of(name)
+        text = (f'{figure(numbers[row])} ± {spread[row]:.2g} {unit}' if np.isfinite(spread[row])
+                else f'{figure(numbers[row])} {unit}, not told by the observations')
+        axes.annotate(text, (_SHOWN_PART, row), (4, 7), textcoords='offset points', fontsize=8)
+    axes.set(yticks=rows, xscale='log', xlim=(_SHOWN_PART, 3 * most), ylim=(len(rows) - 0.4, -0.6),
+             xlabel='standard deviation / value')
+    axes.set_yticklabels([name.replace('_', ' ') for name in fit.names], fontsize=8)
+    axes.grid(axis='x', alpha=0.3)
+    result: Figure = axes.figure
+    return result
 
 
 def plot_estimate(estimate: Estimate, ax: Axes | None = None) -> Figure:

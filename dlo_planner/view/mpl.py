@@ -4,6 +4,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,6 +44,7 @@ _GRID = {'grid.color': '0.88', 'grid.linewidth': 0.6}
 _EDGES = (0.75, 0.7)     # inches left and right, above and below of what is seen in space: labels
 _BAR = 1.15            # inches, of the color bar with its label
 _ROOM = 0.76           # of axes that are given: for what is seen
+_LETTER = 0.085        # inches, of a title: a wide letter of the mean
 _UNIT = 1.03           # of its axes: a diagonal of the box without zoom
 
 
@@ -152,11 +154,11 @@ class Frame:
         if self.space:
             self.axes.view_init(_ELEVATION, azimuth)
 
-    def color_bar(self, top: float, label: str) -> None:
-        """Show what the colors mean: from 0 to `top`, what is beyond in ALERT."""
+    def color_bar(self, top: float, label: str, low: float = 0.0) -> None:
+        """Show what the colors mean: from `low` to `top`, what is beyond in ALERT."""
         colors = matplotlib().colormaps['viridis'].with_extremes(
             over=ALERT)
-        scale = matplotlib('.colors').Normalize(0.0, top)
+        scale = matplotlib('.colors').Normalize(low, top)
         mappable = matplotlib('.cm').ScalarMappable(scale, colors)
         if self.own and self.space:
             width, height = self.figure.get_size_inches()
@@ -169,7 +171,9 @@ class Frame:
     def title(self, text: str) -> None:
         """Write a title, over a new figure only: axes that were given may have their own."""
         if self.own and self.titled:
-            self.figure.suptitle(text, fontsize=10)
+            most = int(self.figure.get_size_inches()[0] / _LETTER)
+            lines = [line for one in text.splitlines() for line in wrap(one, most)]
+            self.figure.suptitle('\n'.join(lines), fontsize=10)
 
     def settle(self) -> None:
         """Place all for good: a film's pictures need not be laid out again."""
@@ -287,6 +291,7 @@ _HIDDEN = 0.02   # the same: a hole without a size, seen from the side
 _DOT = 0.035     # the same: a center that the DLO passes in any direction
 _ALPHA, _GLASS = 0.45, 0.25
 _BLACK = (0.0, 0.0, 0.0)
+_AT_MOUTH = 1e-6  # of the length: what is held so near to the mouth of a bore is held there
 
 
 @dataclass(frozen=True)
@@ -298,6 +303,7 @@ class Stage:
     centers: tuple[Floats, ...]    # (3,) m each, points that it passes in any direction
     obstacles: tuple[Obstacle, ...]  # of the shapes, and further ones
     length: float                  # of the DLO, m
+    bore: float = 0.0              # m, how deep the last cut-out is that the DLO is pushed into
 
     @classmethod
     def of(cls, shapes: tuple[Shape, ...], obstacles: Iterable[Obstacle],
@@ -310,8 +316,9 @@ class Stage:
         if plan is not None and not _in_contact(plan):
             cutouts = tuple(cutouts_of(plan))
             centers = tuple(center for center, _, normal in plan.via_points[-1] if normal is None)
-        return cls(shapes, cutouts, centers, tuple(own), max(float(shape.s[-1])
-                                                             for shape in shapes))
+        bore = 0.0 if plan is None or not cutouts else _bore(plan, cutouts[-1])
+        length = max(float(shape.s[-1]) for shape in shapes)
+        return cls(shapes, cutouts, centers, tuple(own), length, bore)
 
     def set(self, frame: Frame, more: Iterable[Primitive] = (),
             around: Iterable[Floats] = ()) -> None:
@@ -346,7 +353,9 @@ class Stage:
                   for index, center in enumerate(self.centers)]
         if not frame.space:
             return drawn + [self._gap(k, cutout, frame.side[0])
-                            for k, cutout in enumerate(self.cutouts)]
+                            for k, cutout in enumerate(self.cutouts)] + self._walls(frame.side[0])
+        if self.bore:
+            drawn.append(self._bored())
         drawn += [Primitive('plate', index, 'triangles', GRAY, _ALPHA,
                             plate(cutout, _PLATE * self.length), pose=cutout.pose)
                   for index, cutout in enumerate(self.cutouts) if room(cutout) is not None]
@@ -370,16 +379,52 @@ class Stage:
                 for shape in self.shapes for k in range(3) for sign in (0, 1)]
         return [*(shape.positions for shape in self.shapes), np.reshape(tips, (-1, 3))]
 
+    def _bored(self) -> Primitive:
+        """Return the wall of the bore, in space."""
+        mouth, wide = self.cutouts[-1], 2 * self._inner(self.cutouts[-1])
+        along = mouth.pose.rotation[:, [1, 2, 0]]  # a cylinder stands along z
+        return Primitive('bore', 0, 'cylinder', GRAY, _GLASS, size=(wide, wide, self.bore),
+                         pose=Pose.from_rotation(mouth.center + 0.5 * self.bore * mouth.normal,
+                                                 along))
+
+    def _walls(self, level: int) -> list[Primitive]:
+        """Return the bore cut along its axis, and the DLO in it, in an upright plane."""
+        if not self.bore:
+            return []
+        mouth, end = self.cutouts[-1], self.bore * self.cutouts[-1].normal
+        inner = self._inner(mouth) * _across(mouth, level)
+        walls = [place for side in (inner, -inner)
+                 for place in (mouth.center + side, mouth.center + side + end)]
+        inside = [mouth.center, mouth.center + end]
+        return [Primitive('plate', len(self.cutouts), 'segments', _BLACK, points=walls),
+                Primitive('inside', 0, 'line', GRAY, 0.8, points=inside)]
+
+    def _inner(self, cutout: CutOut) -> float:
+        """Return half the width of a cut-out in m, as it is drawn."""
+        return room(cutout) or _HIDDEN * self.length
+
     def _gap(self, index: int, cutout: CutOut, level: int) -> Primitive:
         """Return a plate cut through its hole, in the upright plane through its center."""
-        across = np.zeros(3)
-        across[[level, 2]] = -cutout.normal[2], cutout.normal[level]
-        size = np.linalg.norm(across)
-        across = across / size if size > 0 else np.array([0.0, 0.0, 1.0])
-        inner = room(cutout) or _HIDDEN * self.length
+        across, inner = _across(cutout, level), self._inner(cutout)
         outer = max(_PLATE * self.length, 2 * inner)
         ends = [cutout.center + distance * across for distance in (inner, outer, -inner, -outer)]
         return Primitive('plate', index, 'segments', _BLACK, points=ends)
+
+
+def _across(cutout: CutOut, level: int) -> Floats:
+    """Return the unit vector (3,) across the normal in the upright plane along axis `level`."""
+    across = np.zeros(3)
+    across[[level, 2]] = -cutout.normal[2], cutout.normal[level]
+    size = np.linalg.norm(across)
+    return across / size if size > 0 else np.array([0.0, 0.0, 1.0])
+
+
+def _bore(plan: Plan, mouth: CutOut) -> float:
+    """Return how deep in m the DLO is pushed into a bore with this mouth; 0 where there is none."""
+    held = [shape.far_end for shape in plan.shapes if shape.far_end is not None]
+    near = [np.abs(end.pose.position - mouth.center).max() < _AT_MOUTH * plan.shapes[0].s[-1]
+            for end in held]
+    return float(plan.depths[-1]) if near and all(near) else 0.0
 
 
 def _in_contact(plan: Plan) -> bool:

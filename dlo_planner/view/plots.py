@@ -19,7 +19,15 @@ from dlo_planner.model.checks import choice, instance, number, shown
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
-from dlo_planner.view.colors import COLORINGS, GRAY, VERMILION, Coloring, coloring, viridis
+from dlo_planner.view.colors import (
+    COLORINGS,
+    GRAY,
+    VERMILION,
+    Coloring,
+    color_span,
+    coloring,
+    viridis,
+)
 from dlo_planner.view.mpl import Frame, Stage, draw, matplotlib
 from dlo_planner.view.primitives import Primitive
 from dlo_planner.view.scene import contact_primitives, hold_primitives, path_primitives
@@ -44,10 +52,9 @@ def plot_shape(shape: Shape, ax: 'Axes | Frame | None' = None, color: str | None
     _show(frame, stage, [_line(0, shape, painted.colors), *contact_primitives(shape),
                          *hold_primitives(shape)],
           [shape.gripper])
-    frame.color_bar(painted.top, painted.label)
+    frame.color_bar(painted.top, painted.label, painted.low)
     if shape.contacts:
-        most = max(float(np.linalg.norm(contact.vector)) for contact in shape.contacts)
-        frame.legend({f'contact force, {most:.3g} N at most': VERMILION})
+        frame.legend(_forces(shape))
     frame.title(_title(shape))
     return frame.figure
 
@@ -55,15 +62,17 @@ def plot_shape(shape: Shape, ax: 'Axes | Frame | None' = None, color: str | None
 def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
                    color: str | None = None, obstacles: Iterable[Obstacle] = ()) -> 'Figure':
     """Return the Figure of a Plan or a Motion, see `Plan.plot` and `Motion.plot`."""
-    color = choice('color', 'time' if color is None else color, OVER_TIME)
     if not len(value):
         raise InvalidTask(f'{value!r} cannot be drawn: expected one with a shape')
+    passes = np.ptp(value.times) > 0  # else nothing is later than anything
+    color = choice('color', ('time' if passes else 'curvature') if color is None else color,
+                   OVER_TIME)
     shapes = value.shapes
     stage = Stage.of(shapes, obstacles, value if isinstance(value, Plan) else None)
     frame = Frame.of(ax, stage.points)
-    dlo, top, label = _over_time(value, color)
+    dlo, span, label = _over_time(value, color)
     if isinstance(value, Motion):
-        tracks = {'gripper': VERMILION, 'free end': _TIP}
+        tracks: dict[str, tuple[float, ...]] = {'gripper': VERMILION, 'free end': _TIP}
         lines = [Primitive('way', k, 'line', tint, points=[shape.positions[-k] for shape in shapes])
                  for k, tint in enumerate(tracks.values())]
     else:
@@ -71,31 +80,39 @@ def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
         path = path_primitives(value.grippers, _TICK * stage.length) if tracks else []
         lines = [*(replace(one, color=VERMILION) for one in path), *contact_primitives(shapes[-1])]
     _show(frame, stage, dlo + lines, [shapes[0].gripper, shapes[-1].gripper])
-    frame.color_bar(top, label)
+    if passes or color != 'time':
+        frame.color_bar(span[1], label, span[0])
+    if isinstance(value, Plan) and not tracks:
+        tracks = _forces(shapes[-1])
     if tracks:
         frame.legend(tracks)
     frame.title(_title(value))
     return frame.figure
 
 
-def common_top(shapes: Iterable[Shape]) -> float:
-    """Return the sharpest bend of all Shapes, 1/m, for one scale of colors."""
-    return max(float(np.linalg.norm(shape.strains[:, 1:], axis=1).max()) for shape in shapes)
+def _forces(shape: Shape) -> dict[str, tuple[float, ...]]:
+    """Return what a legend says of the arrows of contact forces: name -> color; {} of none."""
+    if not shape.contacts:
+        return {}
+    most = max(float(np.linalg.norm(contact.vector)) for contact in shape.contacts)
+    return {f'contact force, {most:.3g} N at most': VERMILION}
 
 
-def _over_time(value: Plan | Motion, color: str) -> tuple[list[Primitive], float, str]:
-    """Return some shapes, at even times, first and last among them; top and label of the colors."""
+def _over_time(value: Plan | Motion,
+               color: str) -> tuple[list[Primitive], tuple[float, float], str]:
+    """Return shapes at even times, first and last among them; span and label of the colors."""
     times = np.linspace(value.times[0], value.times[-1], _SHAPES)
     chosen = np.unique(np.abs(np.subtract.outer(value.times, times)).argmin(axis=0))
     if color == 'time':
         span = max(float(np.ptp(value.times)), 1e-12)
         tints = viridis((value.times[chosen] - value.times[0]) / span)
         return [Primitive('dlo', k, 'line', tint, points=value.shapes[k].positions)
-                for k, tint in zip(chosen, tints, strict=True)], span, 'time [s]'
+                for k, tint in zip(chosen, tints, strict=True)], (0.0, span), 'time [s]'
     shapes = [value.shapes[k] for k in chosen]
-    painted = [coloring(shape, color, common_top(shapes)) for shape in shapes]
+    span_ = color_span(shapes, color)
+    painted = [coloring(shape, color, span_) for shape in shapes]
     return ([_line(index, shape, one.colors) for index, (shape, one) in enumerate(
-        zip(shapes, painted, strict=True))], painted[0].top, painted[0].label)
+        zip(shapes, painted, strict=True))], (painted[0].low, painted[0].top), painted[0].label)
 
 
 def _line(index: int, shape: Shape, colors: Floats) -> Primitive:
@@ -110,18 +127,14 @@ def _show(frame: Frame, stage: Stage, dlo: list[Primitive], grippers: Iterable[P
 
 
 def _title(value: Shape | Plan | Motion) -> str:
-    """Return the line that its repr says, in two if it is long."""
+    """Return the line that its repr says."""
     kind, content = repr(value)[:-1].split('(', 1)
-    parts, lines = content.split(', '), [f'{kind}:']
-    for part in parts:
-        if len(lines[-1]) + len(part) > 70:
-            lines.append('')
-        lines[-1] += f' {part},'
-    return '\n'.join(lines).rstrip(',')
+    return f'{kind}: {content}'
 
 
-_RATE = {'.gif': 15, '.mp4': 25}  # pictures a second
-_LONGEST, _DEFAULT = 120.0, 10.0  # s
+# Pictures a second: a GIF counts hundredths of a second and drops what is left over.
+_RATE = {'.gif': 20, '.mp4': 25}
+_LONGEST = 120.0  # s
 _DPI = 80
 
 
@@ -133,16 +146,16 @@ def film(value: Plan | Motion, path: str | PathLike[str], color: str = 'curvatur
     if not len(value):
         raise InvalidTask(f'{value!r} cannot be animated: expected one with a shape')
     span = float(np.ptp(value.times))
-    seconds = min(span, _DEFAULT) if seconds is None else number('seconds', seconds, above=0,
+    seconds = min(span, _LONGEST) if seconds is None else number('seconds', seconds, above=0,
                                                                  maximum=_LONGEST)
     count = max(2, round(seconds * _RATE[path.suffix.lower()]))
     plan = value if isinstance(value, Plan) else None
     stage = Stage.of(value.shapes, obstacles, plan)
     frame = Frame.new(stage.points, managed=False)
     stage.set(frame)
-    top = common_top(value.shapes)
-    painted = [coloring(shape, color, top) for shape in value.shapes]
-    frame.color_bar(painted[0].top, painted[0].label)
+    shown_span = color_span(value.shapes, color)
+    painted = [coloring(shape, color, shown_span) for shape in value.shapes]
+    frame.color_bar(painted[0].top, painted[0].label, painted[0].low)
     frame.title('0.00 s of 0.00 s')
     frame.settle()
     moving: list[Any] = []

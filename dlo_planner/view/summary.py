@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.grasp import grasped_at
 from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.section_forces import SectionForces
 from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.fit import Fit
 from dlo_planner.model.arrays import Floats
@@ -108,7 +110,7 @@ def _shape_rows(shape: Shape) -> list[Row]:
         ('gripper', _point(shape.gripper.position), 'm'),
         *_held_rows(shape), ('far end', _point(shape.positions[-1]), 'm'),
         *_hold_rows(shape),
-        ('sharpest bend, radius', figure(shape.bend_radius.min()), 'm'),
+        ('sharpest bend, radius', figure(shape.bend_radius.min()), 'm'), *_most_inside(shape),
         ('gripper bears, force', figure(force[0]), 'N'),
         ('gripper bears, moment', figure(force[1]), 'N m'),
         ('elastic energy', figure(shape.elastic_energy), 'J'),
@@ -122,22 +124,49 @@ def _shape_rows(shape: Shape) -> list[Row]:
     if shape.contacts:
         rows += [('contacts', str(len(shape.contacts)), ''),
                  ('largest contact force', figure(max(one.force for one in shape.contacts)), 'N'),
-                 *_rows_by_name(shape)]
+                 *_touch_rows(shape)]
     return rows
 
 
-_MOST_NAMED = 5  # obstacles of a table: those that are pressed most
+def _most_inside(shape: Shape) -> list[Row]:
+    """Return the largest forces and moments inside a DLO, and where they are."""
+    try:
+        inside = shape.section_forces
+    except InvalidTask:  # in motion, not converged, or from a file
+        inside = None
+    return [(f'{name}, largest', *(('not looked at', unit) if inside is None
+                                   else _largest(values(inside), inside.s, unit)))
+            for name, unit, values in _INSIDE]
 
 
-def _rows_by_name(shape: Shape) -> list[Row]:
-    """Return what a DLO presses with on each obstacle that has a name, N."""
-    forces: dict[str, float] = {}
-    for one in shape.contacts if shape.obstacles else ():
-        name = shape.obstacles[one.obstacle].name
-        if name:
-            forces[name] = forces.get(name, 0.0) + one.force
-    return [(f'presses {name} with', figure(forces[name]), 'N')
-            for name in sorted(forces, key=lambda name: -forces[name])[:_MOST_NAMED]]
+_INSIDE: tuple[tuple[str, str, Callable[[SectionForces], Floats]], ...] = (
+    ('tension', 'N', lambda inside: inside.tension),
+    ('compression', 'N', lambda inside: -inside.tension),
+    ('shear force', 'N', lambda inside: np.linalg.norm(inside.shear, axis=1)),
+    ('bending moment', 'N m',
+     lambda inside: np.linalg.norm(inside.bending_moment, axis=1)),
+    ('torque', 'N m', lambda inside: np.abs(inside.torque)))
+
+
+def _largest(values: Floats, s: Floats, unit: str) -> tuple[str, str]:
+    at = int(values.argmax())
+    return (figure(values[at]), f'{unit}, at {figure(s[at])} m') if values[at] > 0 else ('0', unit)
+
+
+_MOST_TOUCHED = 5  # obstacles of a table of rows: those that are pressed most
+
+
+def _touch_rows(shape: Shape) -> list[Row]:
+    """Return how a DLO lies on each obstacle, and what it presses those with that have a name."""
+    if not shape.obstacles:
+        return []
+    most = sorted(shape.touches, key=lambda one: -one.pressed)[:_MOST_TOUCHED]
+    rows = []
+    for one in most:
+        rows.append((str(one), '', ''))
+        if shape.obstacles[one.obstacle].name:
+            rows.append((f'presses {one.name} with', figure(one.pressed), 'N'))
+    return rows
 
 
 def _held_rows(shape: Shape) -> list[Row]:
@@ -298,9 +327,19 @@ def _shapes_rows(shapes: Any) -> list[Row]:
             ('gripper bears at most, moment', figure(moment), 'N m')]
 
 
+_FITTED = {'bending_stiffness': 'N m^2', 'torsional_stiffness': 'N m^2', 'natural_curvature': '1/m',
+           'natural_twist': '1/m', 'mass_per_length': 'kg/m', 'tip_mass': 'kg', 'damping[0]': '1/s',
+           'damping[1]': 's'}
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a number of a Fit by its name, as 'natural_curvature[0]'."""
+    return _FITTED.get(name, _FITTED.get(name.split('[', maxsplit=1)[0], ''))
+
+
 def _deviating(name: str, number: float, deviation: float) -> Row:
-    return name, figure(number), (f'+- {deviation:.2g}' if np.isfinite(deviation)
-                                  else 'not told by the observations')
+    said = f'+- {deviation:.2g}' if np.isfinite(deviation) else 'not told by the observations'
+    return name, figure(number), f'{said} {unit_of(name)}'.rstrip()
 
 
 def flat(values: Mapping[str, Any]) -> Floats:
@@ -308,8 +347,15 @@ def flat(values: Mapping[str, Any]) -> Floats:
     return np.concatenate([np.ravel(one).astype(float) for one in values.values()])
 
 
+def _inside_rows(inside: SectionForces) -> list[Row]:
+    """Return the rows of SectionForces: the largest of each."""
+    return [*((f'{name}, largest', *_largest(values(inside), inside.s, unit))
+              for name, unit, values in _INSIDE),
+            ('forces leave over', figure(inside.imbalance), 'N')]
+
+
 _ROWS: dict[str, Callable[[Any], list[Row]]] = {
-    'Shape': _shape_rows, 'Plan': _plan_rows, 'Motion': _motion_rows,
+    'Shape': _shape_rows, 'SectionForces': _inside_rows, 'Plan': _plan_rows, 'Motion': _motion_rows,
     'ValidationReport': _report_rows, 'Fit': _fit_rows, 'Estimate': _estimate_rows,
     'Robustness': _robustness_rows, 'Trajectory': _trajectory_rows, 'CapabilityMap': _map_rows,
     'Shapes': _shapes_rows}

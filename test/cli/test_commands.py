@@ -87,6 +87,12 @@ def test_a_shape_is_that_of_the_library():
     np.testing.assert_allclose([float(rows[-1][key]) for key in 'xyz'], shape.positions[-1],
                                atol=1e-9)
     assert float(rows[-1]['s']) == 1.0
+    for names, values in (
+            (['tension'], shape.tension[:, None]), (['torque'], shape.torque[:, None]),
+            (['shear_n', 'shear_b'], shape.shear),
+            (['moment_n', 'moment_b'], shape.bending_moment)):
+        np.testing.assert_allclose([[float(row[name]) for name in names] for row in rows], values,
+                                   atol=1e-9)
     assert Path('wire.png').read_bytes().startswith(b'\x89PNG')
 
 
@@ -309,8 +315,10 @@ def test_what_is_identified_is_a_file_for_the_next_command():
     np.savetxt('seen.csv', simulator.solve(looks[1]).positions[8::8], delimiter=',',
                header='x,y,z', comments='')
     result = run('identify', 'copper_wire', 'looks.yaml', 'seen.csv', '-g', '0,0,1,1,0,1', '-p',
-                 'rod.diameter=0.0015', '--find', 'bending_stiffness', '-o', 'found.yaml')
+                 'rod.diameter=0.0015', '--find', 'bending_stiffness', '-o', 'found.yaml', '-o',
+                 'fit.png')
     assert result.exit_code == 0, result.output
+    assert Path('fit.png').read_bytes().startswith(b'\x89PNG')
     assert re.search(r'bending_stiffness\[0\] +0\.03', result.output)
     assert run('shape', 'found.yaml', '-g', '0,0,1', '-o', 'again.npz').exit_code == 0
     np.testing.assert_allclose(Shape.load('again.npz').positions[-1],

@@ -58,7 +58,7 @@ def test_an_estimate_is_kept_for_records(tmp_path):
 def test_tables_say_what_the_answers_say():
     fit, estimate, robust, trajectory, mapped, shapes = map(answer, NAMES)
     deviation = np.ravel(fit.deviations['bending_stiffness'])[0]
-    assert rows('Fit')[fit.names[0]].endswith(f'+- {deviation:.2g}')
+    assert rows('Fit')[fit.names[0]].endswith(f'+- {deviation:.2g} N m^2')
     assert rows('Estimate')['looks'] == str(estimate.looks)
     assert float(rows('Robustness')['miss by length'].split()[0]) == pytest.approx(
         robust.by_cause[:, robust.causes.index('length')].max(), rel=1e-3)
@@ -99,6 +99,30 @@ def test_bars_are_as_long_as_deviations_and_shapes_lie_where_they_are():
     drawn = np.concatenate([path.vertices for one in axes.collections for path in one.get_paths()])
     for point in shapes.positions[:, :, [0, 2]].reshape(-1, 2):
         assert np.abs(drawn - point).sum(axis=1).min() < 1e-9
+
+
+def test_a_shape_tells_the_largest_forces_inside_and_where():
+    shape = values()['Shape']
+    said = {line.split('  ')[1]: line.split() for line in shape.summary().splitlines()[1:]}
+    inside = shape.section_forces
+    assert float(said['tension, largest'][2]) == pytest.approx(inside.tension.max(), rel=1e-3)
+    bend = np.linalg.norm(inside.bending_moment, axis=1)
+    assert said['bending moment, largest'][3:] == [f'{bend.max():.4g}', 'N', 'm,', 'at', '0', 'm']
+    pushed = values()['DirectSimulator'].simulate(
+        [Pose((0, 0, 1), (0, 0, 0, 1)), Pose((0, 0, 1.1), (0, 0, 0, 1))], 0.05).shapes[-1]
+    line, = (line for line in pushed.summary().splitlines() if 'shear' in line)
+    assert line.split()[3:6] == ['not', 'looked', 'at']
+
+
+def test_a_shape_tells_how_it_lies_on_what():
+    cable = Rod(1.0, 0.05, 1e-3, 1e-3, radius=2e-3)
+    table = Plane((0, 0, 0), (0, 0, 1), 0.5, name='table')
+    shape = DirectSimulator(cable, obstacles=[table], basis='local', n_elements=40).track(
+        [Pose((0.02 * k, 0, 0.15), (0, 0, 0, 1)) for k in range(4)])[-1]
+    touch, = shape.touches
+    assert touch.length > 0.4
+    assert f'lies on table over {touch.length:.3g} m' in shape.summary()
+    assert f'{touch.slipping} of {touch.contacts} contacts slip' in shape.summary()
 
 
 def test_a_shape_tells_what_it_presses_by_name():

@@ -3,6 +3,7 @@
 """Pictures by matplotlib: what is drawn lies where the answer says, equal and with units."""
 
 import sys
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
@@ -14,6 +15,7 @@ from specimens import values
 
 from dlo_planner import (
     Box,
+    Capsule,
     CutOut,
     DirectSimulator,
     InverseSimulator,
@@ -26,6 +28,7 @@ from dlo_planner import (
 from dlo_planner.errors import MissingExtra
 from dlo_planner.view.colors import ALERT, coloring, viridis
 from dlo_planner.view.mpl import azimuth
+from dlo_planner.view.summary import flat
 
 matplotlib.use('Agg')
 
@@ -203,6 +206,45 @@ def test_a_limited_rod_has_its_limit_on_the_bar():
     assert any(np.isclose(colors[:, :3], ALERT).all(axis=1).any() for _, colors in lines_of(axes))
 
 
+def laid_down():
+    """Return the Shape of a cable that lies on a table."""
+    cable = Rod(1.0, 0.05, 1e-3, 1e-3, radius=2e-3)
+    table = Plane((0, 0, 0), (0, 0, 1), 0.5, name='table')
+    return DirectSimulator(cable, obstacles=[table], basis='local', n_elements=40).track(
+        [Pose((0, 0, 0.15), (0, 0, 0, 1))])[-1]
+
+
+def test_tension_is_a_color_and_its_scale_goes_from_the_least_to_the_largest():
+    shape = laid_down()
+    axes, bar = in_space(shape, color='tension')
+    assert bar.get_ylabel() == 'tension [N]'
+    low, top = min(0.0, shape.tension.min()), max(0.0, shape.tension.max())
+    assert low < 0
+    np.testing.assert_allclose(bar.get_ylim(), (low, top))
+    painted = viridis((shape.tension - low) / (top - low))
+    colors = next(colors for segments, colors in lines_of(axes)
+                  if len(segments) == len(shape.s) - 1)
+    np.testing.assert_allclose(colors[:, :3], 0.5 * (painted[1:] + painted[:-1]), atol=1e-9)
+    moving = values()['DirectSimulator'].simulate([Pose((0, 0, 1), (0, 0, 0, 1)),
+                                                   Pose((0, 0, 1.1), (0, 0, 0, 1))], 0.05)
+    assert coloring(moving.shapes[-1], 'tension').caption == 'tension: not known'
+
+
+def test_forces_inside_are_drawn_along_the_dlo_with_their_jumps():
+    inside = laid_down().section_forces
+    figure = inside.plot()
+    tension, shear, moment = figure.axes
+    assert [one.get_ylabel() for one in figure.axes] == ['tension [N]', 'shear [N]',
+                                                         'moment [N m]']
+    assert moment.get_xlabel() == 's, from the gripper [m]'
+    for axes, curves in ((tension, [inside.tension]), (shear, inside.shear.T),
+                         (moment, inside.moment.T)):
+        for line, curve in zip(axes.lines[1:], curves, strict=True):  # the first is zero's
+            np.testing.assert_array_equal(line.get_data(), (inside.s, curve))
+    given = Figure()
+    assert inside.plot(ax=given.add_subplot()) is given and len(given.axes) == 1
+
+
 def test_a_report_says_what_it_found_and_whether_it_is_safe():
     report = values()['ValidationReport']
     axes, = report.plot().axes
@@ -213,7 +255,7 @@ def test_a_report_says_what_it_found_and_whether_it_is_safe():
         'clearance',
         'dynamic_clearance', 'workspace_margin'))
     assert f'{1e3 * report.clearance:.3g} mm' in said
-    assert axes.get_xlabel() == 'mm' and axes.get_xscale() == 'log'
+    assert axes.get_xlabel() == 'distance [mm]' and axes.get_xscale() == 'log'
 
 
 def test_a_report_with_a_trajectory_shows_how_fast_the_gripper_is():
@@ -227,6 +269,80 @@ def test_a_report_with_a_trajectory_shows_how_fast_the_gripper_is():
     assert speeds.get_ylabel() == 'speed [mm/s]' and turning.get_ylabel() == 'turning [deg/s]'
     figure = Figure()
     assert report.plot(ax=figure.add_subplot()) is figure
+
+
+def test_titles_and_texts_are_within_the_picture():
+    hose = Rod.tube(1.0, 20e-3, 14e-3, 1200, 8e6, 0.45)
+    hanging = DirectSimulator(hose).solve(Pose.looking_along((0, 0, 1), (0.2, 0, -1)))
+    report = values()['ValidationReport']
+    for figure, texts in ((hanging.plot(), lambda figure: [figure._suptitle]),
+                          (report.plot(), lambda figure: figure.axes[0].texts)):
+        figure.canvas.draw()
+        within = (figure if texts(figure)[0] is figure._suptitle else figure.axes[0]).bbox
+        for text in texts(figure):
+            box = text.get_window_extent()
+            assert within.x0 <= box.x0 and box.x1 <= within.x1
+
+
+def test_a_report_has_no_bar_of_what_is_no_number():
+    report = replace(values()['ValidationReport'], clearance=np.inf, swing=np.inf)
+    axes, = report.plot().axes
+    said = [text.get_text() for text in axes.texts]
+    for text in ('nothing is near', 'could not be simulated', 'not looked at'):
+        bar = axes.patches[said.index(text)]
+        assert bar.get_width() == 0
+
+
+def test_a_bore_is_drawn_as_deep_as_the_dlo_goes():
+    hole = CutOut(Pose.looking_along((0.4, 0, 1), (1, 0, 0)), radius=0.02)
+    plan = InverseSimulator(values()['DirectSimulator']).insert(hole, depths=[0.0, 0.1, 0.2])
+    figure = Figure()
+    axes = figure.add_subplot()
+    plan.plot(ax=axes)
+    walls = np.concatenate([path.vertices for one in axes.collections for path in one.get_paths()])
+    for corner in ((0.4, 1.02), (0.4, 0.98), (0.6, 1.02), (0.6, 0.98)):
+        assert np.abs(walls - corner).sum(axis=1).min() < 1e-9
+    space, _ = in_space(plan)
+    bored = max((one for one in space.collections if isinstance(one, Poly3DCollection)),
+                key=lambda one: np.max(one._vec[0]) if hasattr(one, '_vec') else np.max(
+                    np.concatenate(one._faces)[:, 0]))
+    corners = bored._vec[:3].T if hasattr(bored, '_vec') else np.concatenate(bored._faces)
+    assert corners[:, 0].min() == pytest.approx(0.4) and corners[:, 0].max() == pytest.approx(0.6)
+    assert np.hypot(*(corners[:, 1:] - (0, 1)).T).max() == pytest.approx(0.02)
+    threaded = Figure().add_subplot()
+    values()['Plan'].plot(ax=threaded)
+    assert not [one for one in threaded.collections if len(one.get_paths()) == 2
+                and one.get_linewidth()[0] == 3.0][1:]  # a hole has a plate alone
+
+
+def test_one_waypoint_has_no_scale_of_time():
+    bar = Capsule((0.5, -1, 0.8), (0.5, 1, 0.8), 0.02)
+    simulator = DirectSimulator(Rod(1.0, 0.1, 0.3, 0.2, radius=0.005), obstacles=[bar])
+    plan = InverseSimulator(simulator).hold_contact(Pose((0.5, 0, 0.82), (0, 0, 0, 1)), 0.6)
+    figure = plan.plot()
+    assert 'curvature [1/m]' in [axes.get_ylabel() for axes in figure.axes]
+    legend, = figure.axes[0].get_legend().get_texts()
+    assert legend.get_text().startswith('contact force, ')
+    assert len(plan.plot(color='time').axes) == 1
+
+
+def test_a_fit_shows_the_points_beside_the_dlo_found_and_numbers_with_units():
+    fit = values()['Fit']
+    seen, found = fit.observed[0], fit.found[0]
+    np.testing.assert_array_equal(seen, values()['Observation'].points)
+    shape = values()['DirectSimulator'].with_rod(fit.rod).solve(fit.grippers[0])
+    np.testing.assert_allclose(found, shape.positions, atol=1e-12)
+    picture, numbers = fit.plot().axes
+    dots = next(one for one in picture.collections if len(one.get_offsets()) == len(seen))
+    np.testing.assert_allclose(dots.get_offsets(), seen[:, [0, 2]])
+    lines = np.concatenate([path.vertices for one in picture.collections
+                            for path in one.get_paths()])
+    assert all(np.abs(lines - point).sum(axis=1).min() < 1e-9 for point in found[:, [0, 2]])
+    said = [text.get_text() for text in numbers.texts]
+    value, spread = (flat(one)[0] for one in (fit.values, fit.deviations))
+    assert said[0] == f'{value:.4g} ± {spread:.2g} N m^2'
+    part, _ = numbers.lines[0].get_data()
+    assert part[0] == pytest.approx(max(spread / value, 1e-4))
 
 
 def test_without_matplotlib_the_extra_is_named(monkeypatch):
