@@ -212,7 +212,7 @@ class JointStream:
         self._first, self._told = number - len(known), whole
         self._reaches = max(self._reaches, stamp + until)
         points = self._points(np.array([joints for _, joints in whole]), sides)
-        times = self._period * np.arange(len(points[0]))
+        times: Floats = self._period * np.arange(len(points[0]), dtype=float)
         begin = stamp - lead * self._period
         kept = begin + times >= self._settled - 0.5 * self._period if settling else times >= 0
         if not kept.any():

@@ -39,8 +39,7 @@ _WHILE_EXECUTING = {  # may change while a plan is executed
     'rod.name', 'task', 'threading.waypoints', 'threading.deepest', 'threading.standoff',
     'threading.gripper_clearance', 'threading.max_misalignment', 'threading.margin',
     'threading.tolerance', 'threading.deadline',
-    'threading.planning_deadline', 'arm.tool_link', 'arm.joints', 'arm.packages',
-    'arm.base.position', 'arm.base.orientation', 'arm.self_clearance', 'arm.deadline',
+    'threading.planning_deadline', 'arm.packages', 'arm.self_clearance', 'arm.deadline',
     'markers.color', 'execute.start_distance', 'execute.start_angle'}
 # name -> default, which fixes the type; what it means; least, largest
 _TABLE: dict[str, tuple[Any, ...]] = {
@@ -212,9 +211,14 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'autostart': (True, 'Whether the node configures and activates itself, without a lifecycle '
                         'manager.'),
     'markers.color': ('curvature', 'What the color of the DLO tells: curvature | yield.'),
+    'execute.through': ('ahead', 'How the robot is told what is executed: pose (gripper_command) | '
+                                 'ahead (gripper_commands_ahead, and gripper_command beside it) | '
+                                 'joints (joint_commands_ahead, of the arm of arm.tool_link, which '
+                                 'joint_states are the gripper of).'),
     'execute.rate': (50.0, 'Commands per second on gripper_command.', 1.0, 1000.0),
-    'execute.horizon': (1.0, 'Seconds of the coming motion on gripper_commands_ahead, for a robot '
-                             'that follows their stamps; 0: none, the motion goes on with each '
+    'execute.horizon': (1.0, 'Seconds of the coming motion that a robot is told ahead, by '
+                             'gripper_commands_ahead or joint_commands_ahead; 0, or with '
+                             'execute.through = pose: none, the motion goes on with each '
                              'gripper_command.', 0.0, 10.0),
     'execute.start_distance': (0.02, "How far from a plan's beginning the gripper may be to "
                                      "execute it, m.", 0.0, 10.0),

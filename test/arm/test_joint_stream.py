@@ -140,7 +140,7 @@ def test_it_begins_calmly_where_the_controller_holds_the_arm_a_little_off():
 def test_messages_that_are_lost_change_nothing_as_long_as_others_come():
     going = motion(ur5(), UR5_READY)
     cell = Cell(ur5(), UR5_READY, going, late=0.05)
-    cell.lost = lambda now: 0.1 < now and round(now / 0.2) % 4 != 0  # three of four
+    cell.lost = lambda now: now > 0.1 and round(now / 0.2) % 4 != 0  # three of four
     cell.run(going.duration + SETTLING + 0.6)
     assert cell.execution.phase == 'succeeded', cell.execution.reason
     assert cell.led.taken < 8
