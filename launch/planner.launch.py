@@ -38,6 +38,8 @@ ARGUMENTS = {  # name -> default, description, choices
                        '~/joint_commands_ahead, and move nothing.', None),
     'gripper_pose': ('', 'Topic (PoseStamped) that says where the tool of the robot is. Empty: '
                          '~/gripper_pose.', None),
+    'gripper_command': ('', 'Topic (PoseStamped) of a servo that follows poses. Empty: '
+                            '~/gripper_command.', None),
     'tracker': ('', 'Topic (PointCloud2) with the points of the DLO that a tracker sees. Empty: '
                     '~/observed_points.', None)}
 
@@ -56,6 +58,7 @@ def planner(context):
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     said = {'arm.tool_link': given['arm'], 'execute.through': given['through']}
     topics = {'~/gripper_pose': given['gripper_pose'], '~/observed_points': given['tracker'],
+              '~/gripper_command': given['gripper_command'],
               '~/joint_commands_ahead': given['controller'] and (
                   f'{given["controller"]}/joint_trajectory')}
     return [Node(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""An arm that is not there, over DDS: its URDF, joint_states, and the stand-in of its controller."""
+"""An arm that is not there, over DDS: its URDF, joint_states, a stand-in of its controller."""
 
 import threading
 from contextlib import contextmanager
@@ -13,8 +13,8 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from trajectory_msgs.msg import JointTrajectory
 from trajectory_controller import TrajectoryController
+from trajectory_msgs.msg import JointTrajectory
 
 from dlo_planner.ros.lifecycle import LATCHED
 from msg_helpers.poses import time_msg

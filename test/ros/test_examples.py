@@ -6,18 +6,33 @@ The planner is the real node in this process, with the parameters and topics of 
 robot's own software (robot_state_publisher, ros2_control) is not on each machine.
 """
 
-from contextlib import contextmanager
+import re
+import signal
+import subprocess
+import sys
+from contextlib import closing, contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
 from arm_over_dds import arm_over_dds
-from launching import command_line, started
-from node_inside import Alive, state
+from launching import command_line, started, text
+from nav_msgs.srv import GetPlan
+from node_inside import state
+from planner_client import PlannerClient
 from planner_here import context_of_its_own, planner_here
-from planner_process import PATIENCE, ROOT, ROOM, connected_client, options, until
+from planner_process import (
+    ENDS_WITH_US,
+    PATIENCE,
+    ROOM,
+    ROOT,
+    options,
+    until,
+)
 from ros2_commands import commands_of, run_inside
 
 from dlo_planner.execute.causes import Cause
+from dlo_planner.settings.parameters import PARAMETERS
 
 pytest.importorskip('pinocchio', reason='the extra [arm] is not installed')
 EXAMPLES = ROOT / 'examples' / 'ros'
@@ -32,8 +47,9 @@ def launched(name, monkeypatch, **arguments):
     made = started(EXAMPLES / name / f'{name}.launch.py', **arguments)
     (planner, values), = (one for one in made if one[0].named.get('package') == 'dlo_planner')
     with context_of_its_own() as context, planner_here(
-            monkeypatch, context, *command_line(planner, values), *options(BUSY)) as node, (
-            connected_client(Alive())) as client:
+            monkeypatch, context, *command_line(planner, values), *options(BUSY)) as node, closing(
+            PlannerClient('/dlo_planner', timeout=PATIENCE)) as client:
+        assert client._client(GetPlan, 'plan_threading').wait_for_service(PATIENCE)
         yield node, client
 
 
@@ -41,11 +57,11 @@ def session(name, client, node, until_executed=True):
     """Do what README.md of an example says, line by line; nothing is refused."""
     commands = commands_of((EXAMPLES / name / 'README.md').read_text())
     assert commands
-    for how, topic, third, text in commands:
+    for how, topic, third, content in commands:
         if topic.endswith('/execute'):
             assert until(lambda: state(node).proof.done, 10 * PATIENCE)
             assert state(node).proof.safe, state(node).proof.reason
-        said = run_inside(client, node, how, topic, third, text)
+        said = run_inside(client, node, how, topic, third, content)
         assert not said, (topic, said)
     assert until(lambda: not state(node).executing, 10 * PATIENCE)
     return state(node).execution
@@ -63,3 +79,65 @@ def test_an_arm_is_led_by_its_joints(domain, own_domain, monkeypatch):
         assert np.abs(arm.joints - begin).max() > 0.1
         there = execution.way.poses([execution.way.duration])[0]
         np.testing.assert_allclose(state(node).gripper.matrix, there.matrix, atol=1e-4)
+
+
+@contextmanager
+def beside(name, **arguments):
+    """Run the scripts that an example starts beside the planner."""
+    processes = []
+    for one, values in started(EXAMPLES / name / f'{name}.launch.py', **arguments):
+        if 'cmd' in one.named:
+            python, *line = [text(part, values) for part in one.named['cmd']]
+            assert python == 'python3' and Path(line[0]).is_file()
+            processes.append(subprocess.Popen([*ENDS_WITH_US, sys.executable, *line]))
+    assert processes
+    try:
+        yield
+        assert all(one.poll() is None for one in processes)
+    finally:
+        for one in processes:
+            one.send_signal(signal.SIGINT)
+            one.wait(PATIENCE)
+
+
+def test_a_servo_follows_poses(own_domain, monkeypatch):
+    with beside('servo'), launched('servo', monkeypatch) as (node, client):
+        assert until(lambda: state(node).feedback is not None)
+        execution = session('servo', client, node)
+        assert (execution.phase, execution.cause) == ('succeeded', Cause.DONE), execution.reason
+        assert execution.horizon == 0  # each pose counts as it comes
+        end = execution.way.poses([execution.way.duration])[0]
+        assert np.linalg.norm(state(node).gripper.position - end.position) < 0.01
+
+
+def test_a_tracker_tells_what_the_hose_is_like(own_domain, monkeypatch):
+    there = (0.2693, 0.0233, 0.5043)  # m, where record.py says that the free end is
+    with beside('tracker'), launched('tracker', monkeypatch) as (node, client):
+        assert until(lambda: state(node).shape is not None)
+        before = state(node).shape
+        estimator = node.estimator
+        assert until(lambda: (known := estimator._at[1]) is not None and known.estimate.looks > 15)
+        session('tracker', client, node)
+        rod = node.shared.store.state.scene.direct.rod
+        assert until(lambda: state(node).shape.rod == rod)
+        off = [np.linalg.norm(shape.positions[-1] - there) for shape in (before, state(node).shape)]
+        assert off[0] > 0.03 and off[1] < 0.004
+        assert 1.1 < node.get_parameter('rod.youngs_modulus').value / 8e6 < 1.4
+
+
+@pytest.mark.parametrize('name', ['arm', 'servo', 'tracker'])
+def test_each_readme_says_what_there_is(name):
+    page = (EXAMPLES / name / 'README.md').read_text()
+    for file in (EXAMPLES / name).iterdir():
+        assert f'`{file.name}`' in page or file.name == 'README.md', file.name
+    launches = re.findall(r'ros2 launch (\S+\.launch\.py) ?(.*)$', page, re.M)
+    assert len(launches) == 2
+    for path, line in launches:
+        given = dict(one.split(':=') for one in line.split())
+        assert started(ROOT / path, **given)
+    steps = re.findall(r'^\d\. \*\*(.*?)\*\*', page, re.M)
+    assert ' '.join(steps).startswith('Frames. Tool.') and 'Emergency stop.' in steps
+    assert any(one.startswith('First without') for one in steps)
+    for parameter in re.findall(r'`((?:\w+\.)+\w+)`', page):
+        known = parameter in PARAMETERS or (EXAMPLES / name / parameter).exists()
+        assert known, parameter

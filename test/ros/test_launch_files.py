@@ -37,22 +37,23 @@ def test_only_known_names_are_imported(path):
 @pytest.mark.parametrize('path', FILES, ids=NAMES)
 def test_every_value_is_one_that_the_first_jazzy_takes(path):
     for entity in [*described(path), *(one for one, _ in started(path))]:
-        for value in entity.named.values():
-            if isinstance(value, Recorded) or callable(value):
-                continue
-            if isinstance(value, list) and any(isinstance(one, Recorded) for one in value):
-                for one in of_kind(value, 'ParameterFile'):
-                    substitutions(one.positional[0])
-            elif isinstance(value, list) and any(isinstance(one, dict) for one in value):
-                for one in value:  # parameters by name
-                    for content in one.values():
-                        substitutions([content])
-            elif isinstance(value, list) and all(isinstance(one, tuple) for one in value):
-                for one in value:  # topics
-                    for part in one:
-                        substitutions(part)
-            elif isinstance(value, str | list):
-                substitutions(value)
+        for name, value in entity.named.items():
+            for one in values_in(name, value):
+                substitutions(one)
+
+
+def values_in(name, value):
+    """Return what has to be a text with substitutions, of an argument of an action."""
+    if name in ('cmd', 'arguments'):
+        return value
+    if name in ('remappings', 'launch_arguments'):
+        return [part for pair in value for part in pair]
+    if name == 'parameters':
+        files = [one.positional[0] if isinstance(one, Recorded) else one for one in value
+                 if not isinstance(one, dict)]
+        return files + [content for one in value if isinstance(one, dict)
+                        for content in one.values() if not isinstance(content, Recorded)]
+    return [] if isinstance(value, Recorded) or callable(value) else [value]
 
 
 @pytest.mark.parametrize('path', FILES, ids=NAMES)
@@ -88,11 +89,12 @@ def test_the_planner_is_what_its_arguments_say():
                      str(ROOT / 'config' / 'copper_wire.yaml'), '-p', 'autostart:=true']
     line = planner_of(params_file='/mine.yaml', name='wires', namespace='cell1', autostart='false',
                       through='joints', arm='tool0', controller='/jtc', gripper_pose='/tcp',
-                      tracker='/trackdlo/results')
+                      gripper_command='/servo_node/pose', tracker='/trackdlo/results')
     assert line == [
         '-r', '__node:=wires', '-r', '__ns:=/cell1', '--params-file', '/mine.yaml',
         '-p', 'autostart:=false', '-p', 'arm.tool_link:=tool0', '-p', 'execute.through:=joints',
         '-r', '~/gripper_pose:=/tcp', '-r', '~/observed_points:=/trackdlo/results',
+        '-r', '~/gripper_command:=/servo_node/pose',
         '-r', '~/joint_commands_ahead:=/jtc/joint_trajectory']
 
 
