@@ -55,13 +55,14 @@ def published(client, node, topic, kind, text):
 
 
 def called(client, topic, kind, text):
+    """Return the number and the reason with which a call is refused, '' if it is not."""
+    drain(client.statuses)
     answer, _ = client._call(kind, topic.removeprefix(f'{client.planner}/'), fill(
         kind.Request(), yaml.safe_load(text or '{}')))
-    if hasattr(answer, 'success'):
-        return '' if answer.success else answer.message
-    if answer.plan.poses:
-        return ''
-    return client.status_of(topic.rsplit('/', 1)[1])[1]
+    code, said, _ = client.status_of(topic.rsplit('/', 1)[1])
+    done = answer.success if hasattr(answer, 'success') else bool(answer.plan.poses)
+    assert done == (code == 0)  # the answer and ~/status agree
+    return f'{code}: {said}' if code else ''
 
 
 def set_to(client, name, text):
