@@ -37,7 +37,7 @@ class ArmOverDds:
         self.names, self.joints = tuple(begin), np.array(list(begin.values()))
         self.controller = TrajectoryController(self.names, self.joints)
         self.commands, self.speeds, self._last = [], np.zeros(len(self.joints)), None
-        self.deaf = False
+        self.silent = False  # whether no joint_states come
         self._lock = threading.Lock()
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
@@ -59,8 +59,7 @@ class ArmOverDds:
 
     def _hear(self, msg):
         with self._lock:
-            if not self.deaf:
-                self.controller.hear(msg, self.now)
+            self.controller.hear(msg, self.now)
 
     def _spin(self):
         with_suppressed(self._executor.spin)
@@ -79,7 +78,8 @@ class ArmOverDds:
             self.commands.append((now, command))
         msg = JointState(name=list(self.names), position=command.tolist())
         msg.header.stamp = time_msg(now)
-        self._out.publish(msg)
+        if not self.silent:
+            self._out.publish(msg)
 
     def close(self):
         self._closed.set()

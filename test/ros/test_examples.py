@@ -31,6 +31,7 @@ from planner_process import (
 )
 from ros2_commands import commands_of, run_inside
 
+from dlo_planner import Pose
 from dlo_planner.execute.causes import Cause
 from dlo_planner.settings.parameters import PARAMETERS
 
@@ -79,6 +80,34 @@ def test_an_arm_is_led_by_its_joints(domain, own_domain, monkeypatch):
         assert np.abs(arm.joints - begin).max() > 0.1
         there = execution.way.poses([execution.way.duration])[0]
         np.testing.assert_allclose(state(node).gripper.matrix, there.matrix, atol=1e-4)
+
+
+def test_an_arm_that_is_not_heard_any_more_is_led_to_rest(own_domain, monkeypatch):
+    urdf = (EXAMPLES / 'arm' / 'arm.urdf').read_text()
+    with arm_over_dds(urdf, '/joint_trajectory_controller/joint_trajectory') as arm, launched(
+            'arm', monkeypatch) as (node, client):
+        assert until(lambda: state(node).pose is not None)
+        there = state(node).pose
+        client.send_pose(Pose((0.0, 0.0, 3.0), (0, 0, 0, 1)))  # joint_states alone say that
+        plan, execute = (one for one in commands_of((EXAMPLES / 'arm' / 'README.md').read_text())
+                         if one[0] == 'service call')
+        assert not run_inside(client, node, *plan)
+        assert until(lambda: state(node).proof.done, 10 * PATIENCE)
+        assert np.abs(state(node).pose.matrix - there.matrix).max() < 1e-9
+        assert not run_inside(client, node, *execute)
+        assert until(lambda: state(node).execution.done > 1.0)
+        arm.silent = True
+        assert until(lambda: not state(node).executing)
+        execution = state(node).execution
+        assert (execution.phase, execution.cause) == ('stopped', Cause.GRIPPER_POSE_LOST)
+        assert execution.reason.startswith('joint_states: the last one is')
+        rests = len(arm.commands) + 100
+        assert until(lambda: len(arm.commands) > rests)
+        still = np.array([joints for _, joints in arm.commands[rests - 50:]])
+        assert np.ptp(still, axis=0).max() == 0
+        tool = node.streamer._drive.arm.pose(still[-1])
+        np.testing.assert_allclose(tool.matrix, execution.command.matrix, atol=1e-6)
+        assert client.commands.empty()  # gripper_command is not for this robot
 
 
 @contextmanager
