@@ -88,7 +88,9 @@ def test_an_arm_that_is_not_heard_any_more_is_led_to_rest(own_domain, monkeypatc
             'arm', monkeypatch) as (node, client):
         assert until(lambda: state(node).pose is not None)
         there = state(node).pose
+        assert until(client._pose_out.get_subscription_count)
         client.send_pose(Pose((0.0, 0.0, 3.0), (0, 0, 0, 1)))  # joint_states alone say that
+        assert until(lambda: node.shared.statistics.report()[2]['poses refused'])
         plan, execute = (one for one in commands_of((EXAMPLES / 'arm' / 'README.md').read_text())
                          if one[0] == 'service call')
         assert not run_inside(client, node, *plan)
