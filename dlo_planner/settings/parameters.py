@@ -193,6 +193,9 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'observe.kink': (0.1, 'By how much it may be bent for good then, about each axis of its '
                           'section, at any one place, rad.', 0.0, 3.2),
     'observe.period': (0.2, 'Seconds between two clouds that are looked at.', 0.0, 60.0),
+    'observe.pose_holds': (1.0, 'Seconds for which the last gripper_pose holds for clouds that are '
+                                'newer, where the gripper stands (the last two poses are the same, '
+                                'or there is but one).', 0.0, 60.0),
     'observe.correct': (True, 'Whether what is seen counts for what is executed: by a closed '
                               'loop, or by a stop before a cut-out that the DLO may miss.'),
     'observe.correction_period': (0.5, 'Seconds between two corrections.', 0.0, 60.0),

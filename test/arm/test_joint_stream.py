@@ -6,6 +6,7 @@ What is looked at is what the controller commands, 500 times a second, through t
 """
 
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -297,3 +298,28 @@ def test_an_arm_that_rests_is_told_so_first():
     np.testing.assert_allclose(later.positions, np.tile(UR5_READY, (len(later.times), 1)),
                                atol=1e-9)
     assert later.stamp == pytest.approx(CLOCK + 1.813, abs=1e-6)
+
+
+def test_a_joint_stays_within_its_limits():
+    arm = ur5()
+    poses = way(arm.pose(UR5_READY), (0.0, 0.2, 0.0), number=200)
+    ways = followed(arm, poses, UR5_READY, PERIOD)
+    joint = int(np.argmax(np.ptp(ways, axis=0)))
+    least, most = ways[:, joint].min(), ways[:, joint].max()
+    root = ElementTree.fromstring(arm.urdf)
+    limit = root.find(f".//joint[@name='{arm.joints[joint]}']/limit")
+    limit.set('lower', str(least - 1.0))
+    limit.set('upper', str(0.5 * (least + most)))
+    narrow = replace(arm, urdf=ElementTree.tostring(root, encoding='unicode'))
+    begin = ways[-1] if ways[-1, joint] == least else ways[0]
+    with pytest.raises(IKFailure, match=f'{arm.joints[joint]} = .* expected') as found:
+        followed(narrow, poses if begin is ways[0] else poses[::-1], begin, PERIOD)
+    assert found.value.constraint == 'joint_limit'
+
+
+def test_what_is_told_is_never_over_when_it_is_heard():
+    stream = JointStream(ur5(), UR5_READY, PERIOD, SETTLING)
+    stream.resting(CLOCK)
+    points = stream.ahead(CLOCK + 1.0, [ur5().pose(UR5_READY)], 0.0, stops=True)
+    assert points.stamp + points.times[-1] >= CLOCK + 1.2 - 1e-6
+    assert not points.velocities[-1].any() and not points.accelerations[-1].any()
