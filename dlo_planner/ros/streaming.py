@@ -314,6 +314,10 @@ class TrajectoryStreamer(Part):
             askers, scene = self._planning.askers(), self.store.state.scene
             by_joints = scene.by_joints and not self.store.state.executing
             drive = self._arm.drive(scene) if by_joints else None
+            if drive is not None and not self._joints_out.get_subscription_count():
+                raise Refused(Cause.ARM, f'nobody hears {self._joints_out.topic_name}: expected '
+                              'it to be remapped to the topic of the joint_trajectory_controller, '
+                              'as planner.launch.py does by controller:=')
 
             def started(now: State) -> State:
                 now = now.started(monotonic(), wanted, askers)

@@ -15,7 +15,7 @@ from streams import ROUNDED, largest
 from trajectory_controller import TrajectoryController
 
 from dlo_planner import Limits, Pose
-from dlo_planner.arm.inverse_kinematics import IKFailure
+from dlo_planner.arm.inverse_kinematics import IKFailure, solve
 from dlo_planner.arm.joint_stream import JointStream, followed, settling_time
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.execution import Execution
@@ -323,3 +323,50 @@ def test_what_is_told_is_never_over_when_it_is_heard():
     points = stream.ahead(CLOCK + 1.0, [ur5().pose(UR5_READY)], 0.0, stops=True)
     assert points.stamp + points.times[-1] >= CLOCK + 1.2 - 1e-6
     assert not points.velocities[-1].any() and not points.accelerations[-1].any()
+
+
+@pytest.mark.parametrize('name', ARMS)
+def test_what_is_told_again_is_told_the_same(name):
+    make, ready = ARMS[name]
+    arm = make()
+    back = TOOL.inverse()
+    poses = [pose.compose(back) for pose in motion(arm, ready).poses(
+        PERIOD * np.arange(120))]
+    stream, told = JointStream(arm, ready, PERIOD, SETTLING), []
+    stream.resting(CLOCK)
+    for k in range(0, 60, 10):
+        ahead = [*poses[k:k + 50], *poses[k + 50:k + 60:2]]  # and a way to rest, of a kind
+        told.append(stream.ahead(CLOCK + 1.0 + k * PERIOD, ahead, 1.0, stops=False))
+    for one, other in zip(told[1:], told[2:], strict=False):
+        shift = round((other.stamp - one.stamp) / PERIOD)
+        shared = 50 + 10 - shift - 3  # what the way to rest does not bend
+        for part in ('positions', 'velocities', 'accelerations'):
+            np.testing.assert_allclose(getattr(other, part)[:shared],
+                                       getattr(one, part)[shift:shift + shared], atol=1e-9)
+
+
+def test_while_it_settles_it_is_told_once():
+    going = motion(ur5(), UR5_READY)
+    cell = Cell(ur5(), UR5_READY, going)
+    cell.run(SETTLING - 0.01)
+    assert cell.led.taken == 1
+    cell.run(SETTLING + 0.5)
+    assert cell.led.taken >= 3
+
+
+def test_what_was_told_is_not_solved_again(monkeypatch):
+    solved = []
+
+    def counted(chain, positions, *rest, **more):
+        solved.append(positions)
+        return solve(chain, positions, *rest, **more)
+
+    monkeypatch.setattr('dlo_planner.arm.joint_stream.solve', counted)
+    poses = [pose.compose(TOOL.inverse()) for pose in motion(ur5(), UR5_READY).poses(
+        PERIOD * np.arange(120))]
+    stream = JointStream(ur5(), UR5_READY, PERIOD, SETTLING)
+    stream.resting(CLOCK)
+    stream.ahead(CLOCK + 1.0, poses[:60], 1.0, stops=False)
+    first = len(solved)
+    stream.ahead(CLOCK + 1.2, poses[10:70], 1.0, stops=False)
+    assert first <= 61 and len(solved) - first <= 12

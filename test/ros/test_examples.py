@@ -74,6 +74,8 @@ def test_an_arm_is_led_by_its_joints(domain, own_domain, monkeypatch):
             'arm', monkeypatch) as (node, client):
         assert until(lambda: state(node).pose is not None)
         begin = arm.joints.copy()
+        assert node.streamer._joints_out.topic_name == (
+            '/joint_trajectory_controller/joint_trajectory')
         execution = session('arm', client, node)
         assert (execution.phase, execution.cause) == ('succeeded', Cause.DONE), execution.reason
         assert arm.controller.taken > 3 and not arm.controller.refused
@@ -172,3 +174,15 @@ def test_each_readme_says_what_there_is(name):
     for parameter in re.findall(r'`((?:\w+\.)+\w+)`', page):
         known = parameter in PARAMETERS or (EXAMPLES / name / parameter).exists()
         assert known, parameter
+
+
+def test_an_arm_whose_controller_does_not_hear_is_not_led(own_domain, monkeypatch):
+    urdf = (EXAMPLES / 'arm' / 'arm.urdf').read_text()
+    with arm_over_dds(urdf, '/elsewhere') as arm, launched('arm', monkeypatch) as (node, client):
+        assert until(lambda: state(node).pose is not None)
+        _, execute = (one for one in commands_of((EXAMPLES / 'arm' / 'README.md').read_text())
+                         if one[0] == 'service call')
+        said = run_inside(client, node, *execute)
+        assert said.startswith('420: ')
+        assert 'nobody hears /joint_trajectory_controller/joint_trajectory' in said
+        assert not arm.controller.taken
