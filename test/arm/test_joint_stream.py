@@ -370,3 +370,9 @@ def test_what_was_told_is_not_solved_again(monkeypatch):
     first = len(solved)
     stream.ahead(CLOCK + 1.2, poses[10:70], 1.0, stops=False)
     assert first <= 61 and len(solved) - first <= 12
+
+
+def test_a_motion_that_begins_elsewhere_is_refused():
+    there = ur5().pose(UR5_READY + np.array([0.8, 0, 0, 0, 0, 0]))
+    with pytest.raises(IKFailure, match='shoulder_pan_joint would have to go from 0.3 to 1.1 at'):
+        followed(ur5(), [there], UR5_READY, PERIOD)
