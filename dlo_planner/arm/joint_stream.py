@@ -167,9 +167,7 @@ class JointStream:
         IKFailure
             As of `followed`.
         """
-        begin = min(self._told, key=lambda one: float(np.linalg.norm(
-            one[0].position - pose.position)))[1] if self._told else self._begin
-        joints = followed(self.arm, [pose], begin, self._period)
+        joints = followed(self.arm, [pose], self._nearest(pose)[1], self._period)
         self._anchor, self._first, self._told = stamp, 0, [(pose, joints[0])]
         still = np.zeros_like(joints)
         return JointPoints(stamp, np.array([_AFTER]), joints, still, still)
@@ -225,12 +223,20 @@ class JointStream:
         A robot that rests at the beginning has rested there before; if time was turned back, what
         was told before belongs to another time.
         """
-        near = min(self._told, default=(pose, self._begin), key=lambda one: float(
-            np.linalg.norm(one[0].position - pose.position)))
+        near = self._nearest(pose)
         rests = not self._told or _same(near[0], self._told[-1][0])
         self._anchor, self._first = stamp, -(round(_BEFORE / self._period) + _SIDE) if rests else 0
         self._told = [near] * (1 - self._first)
         return 0
+
+    def _nearest(self, pose: Pose) -> tuple[Pose, Floats]:
+        """Return pose and joints of the last of what was told that is nearest to a Pose, m + rad.
+
+        The beginning where nothing was told.
+        """
+        return min(reversed(self._told), default=(pose, self._begin), key=lambda one: float(
+            np.linalg.norm(one[0].position - pose.position)
+            + angle_between(one[0].rotation, pose.rotation)))
 
     def _row(self, number: int) -> tuple[Pose, Floats]:
         """Return pose and joints of a point of what was told last, which ended at rest."""

@@ -209,9 +209,11 @@ def test_a_controller_whose_clock_is_behind_hears_what_it_knows():
     assert not cell.led.refused
 
 
-def test_a_second_motion_begins_where_the_first_one_rests():
-    going = motion(ur5(), UR5_READY)
-    cell = Cell(ur5(), UR5_READY, going, late=0.05, seed=7)
+@pytest.mark.parametrize(('name', 'shift'), [('ur5', (0.0, 0.25, 0.1)), ('panda', (0.0,) * 3)])
+def test_a_second_motion_begins_where_the_first_one_rests(name, shift):
+    make, ready = ARMS[name]
+    going = motion(make(), ready, shift)  # or turns on the spot
+    cell = Cell(make(), ready, going, late=0.05, seed=7)
     cell.run(going.duration + SETTLING + 1.0)
     end = going.poses([100.0])[0]
     back = timed(way(end, (0.0, -0.1, 0.0)), FULL)
