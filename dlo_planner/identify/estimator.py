@@ -400,9 +400,14 @@ class DloEstimator:
         if len(points) < _LEAST_POINTS:
             raise InvalidTask(f'observed_points has {len(points)} points: expected {_LEAST_POINTS} '
                               'at least')
+        def known_then() -> bool:
+            return bool(self._grippers) and self._grippers[-1][0] >= stamp
+
         with self._lock:  # a cloud may be quicker than the gripper's next pose
-            self._lock.wait_for(lambda: self._grippers and self._grippers[-1][0] >= stamp,
-                                _PATIENCE)
+            self._lock.wait_for(known_then, _PATIENCE)
+            stands = bool(self._grippers) and self._stands(list(self._grippers), stamp)
+            if not stands and self._grippers and stamp <= self._grippers[-1][0] + _GAP:
+                self._lock.wait_for(known_then, _GAP)  # poses of one that moves come seldom
             known, estimate = list(self._grippers), self.estimate
         if known and self._stands(known, stamp):
             known.append((stamp, known[-1][1]))

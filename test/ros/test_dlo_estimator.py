@@ -4,6 +4,7 @@
 
 import re
 from dataclasses import replace
+from threading import Timer
 
 import numpy as np
 import pytest
@@ -101,6 +102,17 @@ def test_between_two_poses_a_gripper_is_where_it_was_between(rng):
     assert out.surprise < 0.5
     out.look(0.01, points)
     assert out.surprise > 1
+
+
+def test_a_cloud_waits_for_the_next_pose_of_a_gripper_that_moves(rng):
+    truth, out = Truth.drawn(rng), observing(times=())
+    for time in (0.0, 0.4):
+        out.gripper(time, Pose(START.position + (0, 0.025 * time, 0), START.quaternion))
+    points = truth.seen(rng, Pose(START.position + (0, 0.0125, 0), START.quaternion)).points
+    late = Timer(0.25, out.gripper, (0.8, Pose(START.position + (0, 0.02, 0), START.quaternion)))
+    late.start()
+    assert out.look(0.5, points).looks == 1
+    late.join()
 
 
 def test_clouds_are_thinned_out_by_time_and_points(rng):
