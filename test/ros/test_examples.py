@@ -54,14 +54,18 @@ def launched(name, monkeypatch, **arguments):
         yield node, client
 
 
-def session(name, client, node, until_executed=True):
-    """Do what README.md of an example says, line by line; nothing is refused."""
+def session(name, client, node, before_executed=lambda command: None):
+    """Do what README.md of an example says, line by line; nothing is refused.
+
+    `before_executed` is called with the command that executes, when the plan is proved.
+    """
     commands = commands_of((EXAMPLES / name / 'README.md').read_text())
     assert commands
     for how, topic, third, content in commands:
         if topic.endswith('/execute'):
             assert until(lambda: state(node).proof.done, 10 * PATIENCE)
             assert state(node).proof.safe, state(node).proof.reason
+            before_executed((how, topic, third, content))
         said = run_inside(client, node, how, topic, third, content)
         assert not said, (topic, said)
     assert until(lambda: not state(node).executing, 10 * PATIENCE)
@@ -76,7 +80,15 @@ def test_an_arm_is_led_by_its_joints(domain, own_domain, monkeypatch):
         begin = arm.joints.copy()
         assert node.streamer._joints_out.topic_name == (
             '/joint_trajectory_controller/joint_trajectory')
-        execution = session('arm', client, node)
+
+        def too_near(execute):
+            """Have links stay farther from each other than they do on this way."""
+            client.set_parameters(arm__self_clearance=0.08)
+            said = run_inside(client, node, *execute)
+            assert said.startswith('420: ') and 'come together' in said
+            client.set_parameters(arm__self_clearance=0.005)
+
+        execution = session('arm', client, node, too_near)
         assert (execution.phase, execution.cause) == ('succeeded', Cause.DONE), execution.reason
         assert arm.controller.taken > 3 and not arm.controller.refused
         assert np.abs(arm.joints - begin).max() > 0.1
