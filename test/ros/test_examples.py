@@ -11,7 +11,10 @@ import signal
 import subprocess
 import sys
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
+from threading import Event, Thread
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -30,10 +33,12 @@ from planner_process import (
     until,
 )
 from ros2_commands import commands_of, run_inside
+from sensor_msgs.msg import PointCloud2
 
 from dlo_planner import Pose
 from dlo_planner.execute.causes import Cause
 from dlo_planner.settings.parameters import PARAMETERS
+from msg_helpers.clouds import cloud_msg
 
 pytest.importorskip('pinocchio', reason='the extra [arm] is not installed')
 EXAMPLES = ROOT / 'examples' / 'ros'
@@ -96,36 +101,6 @@ def test_an_arm_is_led_by_its_joints(domain, own_domain, monkeypatch):
         np.testing.assert_allclose(state(node).gripper.matrix, there.matrix, atol=1e-4)
 
 
-def test_an_arm_that_is_not_heard_any_more_is_led_to_rest(own_domain, monkeypatch):
-    urdf = (EXAMPLES / 'arm' / 'arm.urdf').read_text()
-    with arm_over_dds(urdf, '/joint_trajectory_controller/joint_trajectory') as arm, launched(
-            'arm', monkeypatch) as (node, client):
-        assert until(lambda: state(node).pose is not None)
-        there = state(node).pose
-        assert until(client._pose_out.get_subscription_count)
-        client.send_pose(Pose((0.0, 0.0, 3.0), (0, 0, 0, 1)))  # joint_states alone say that
-        assert until(lambda: node.shared.statistics.report()[2]['poses refused'])
-        plan, execute = (one for one in commands_of((EXAMPLES / 'arm' / 'README.md').read_text())
-                         if one[0] == 'service call')
-        assert not run_inside(client, node, *plan)
-        assert until(lambda: state(node).proof.done, 10 * PATIENCE)
-        assert np.abs(state(node).pose.matrix - there.matrix).max() < 1e-9
-        assert not run_inside(client, node, *execute)
-        assert until(lambda: state(node).execution.done > 1.0)
-        arm.silent = True
-        assert until(lambda: not state(node).executing)
-        execution = state(node).execution
-        assert (execution.phase, execution.cause) == ('stopped', Cause.GRIPPER_POSE_LOST)
-        assert execution.reason.startswith('joint_states: the last one is')
-        rests = len(arm.commands) + 100
-        assert until(lambda: len(arm.commands) > rests)
-        still = np.array([joints for _, joints in arm.commands[rests - 50:]])
-        assert np.ptp(still, axis=0).max() == 0
-        tool = node.streamer._drive.arm.pose(still[-1])
-        np.testing.assert_allclose(tool.matrix, execution.command.matrix, atol=1e-6)
-        assert client.commands.empty()  # gripper_command is not for this robot
-
-
 @contextmanager
 def beside(name, **arguments):
     """Run the scripts that an example starts beside the planner."""
@@ -186,6 +161,98 @@ def test_each_readme_says_what_there_is(name):
     for parameter in re.findall(r'`((?:\w+\.)+\w+)`', page):
         known = parameter in PARAMETERS or (EXAMPLES / name / parameter).exists()
         assert known, parameter
+
+
+@contextmanager
+def proved_arm(monkeypatch):
+    """Yield arm, planner, client, and the command that executes the plan, which is proved."""
+    urdf = (EXAMPLES / 'arm' / 'arm.urdf').read_text()
+    with arm_over_dds(urdf, '/joint_trajectory_controller/joint_trajectory') as arm, launched(
+            'arm', monkeypatch) as (node, client):
+        assert until(lambda: state(node).pose is not None)
+        plan, execute = (one for one in commands_of((EXAMPLES / 'arm' / 'README.md').read_text())
+                         if one[0] == 'service call')
+        assert not run_inside(client, node, *plan)
+        assert until(lambda: state(node).proof.done, 10 * PATIENCE)
+        yield arm, node, client, execute
+
+
+def at_rest(arm):
+    """Wait until an arm has stood for 50 samples; return its joints."""
+    begun = len(arm.commands)
+
+    def still():
+        last = np.array([joints for _, joints in arm.commands[-50:]])
+        return len(arm.commands) > begun + 50 and not np.ptp(last, axis=0).any()
+
+    assert until(still)
+    return arm.joints
+
+
+def test_an_arm_that_is_not_heard_any_more_is_led_to_rest(own_domain, monkeypatch):
+    with proved_arm(monkeypatch) as (arm, node, client, execute):
+        there = state(node).pose
+        assert until(client._pose_out.get_subscription_count)
+        client.send_pose(Pose((0.0, 0.0, 3.0), (0, 0, 0, 1)))  # joint_states alone say that
+        assert until(lambda: node.shared.statistics.report()[2]['poses refused'])
+        assert np.abs(state(node).pose.matrix - there.matrix).max() < 1e-9
+        assert not run_inside(client, node, *execute)
+        assert until(lambda: state(node).execution.done > 1.0)
+        arm.silent = True
+        assert until(lambda: not state(node).executing)
+        execution = state(node).execution
+        assert (execution.phase, execution.cause) == ('stopped', Cause.GRIPPER_POSE_LOST)
+        assert execution.reason.startswith('joint_states: the last one is')
+        tool = node.streamer._drive.arm.pose(at_rest(arm))
+        np.testing.assert_allclose(tool.matrix, execution.command.matrix, atol=1e-6)
+        assert client.commands.empty()  # gripper_command is not for this robot
+
+
+def test_an_arm_that_cannot_go_on_comes_to_rest_by_what_it_was_told(own_domain, monkeypatch):
+    with proved_arm(monkeypatch) as (arm, node, client, execute):
+        assert not run_inside(client, node, *execute)
+        assert until(lambda: state(node).execution.done > 1.0)
+        stream = node.streamer._drive.stream
+        stream.arm = replace(stream.arm, self_clearance=0.08)  # as a correction may come upon it
+        assert until(lambda: not state(node).executing)
+        execution = state(node).execution
+        assert (execution.phase, execution.cause) == ('stopped', Cause.ARM)
+        assert 'come together' in execution.reason
+        tool = stream.arm.pose(at_rest(arm))
+        times = np.arange(0.0, execution.way.duration, 1e-3)
+        places = np.array([pose.compose(node.shared.store.state.scene.tool.inverse()).position
+                           for pose in execution.way.poses(times)])
+        off = np.linalg.norm(places - tool.position, axis=1)
+        assert off.min() < 1e-4 and 1.0 < times[np.argmin(off)] < execution.way.duration - 0.5
+
+
+def test_a_closed_loop_lets_the_arm_rest_before_it_looks(own_domain, monkeypatch):
+    with proved_arm(monkeypatch) as (arm, node, client, execute):
+        clouds = client.node.create_publisher(PointCloud2, '/dlo_planner/observed_points', 10)
+        rng, closed = np.random.default_rng(1), Event()
+
+        def see():
+            while not closed.wait(0.1):
+                points = state(node).shape.positions
+                clouds.publish(cloud_msg(points + 1e-3 * rng.normal(size=points.shape), 'world',
+                                         client.node.get_clock().now().to_msg()))
+
+        with closing(SimpleNamespace(close=closed.set)):
+            Thread(target=see, daemon=True).start()
+            assert until(lambda: (made := node.estimator._at[1]) and made.estimate.looks > 2)
+            assert not run_inside(client, node, *execute)
+            assert state(node).looking is not None
+            assert until(lambda: arm.controller.taken)
+            (_, times, states), = [arm.controller._points]
+            assert len(times) == 1 and times[0] == pytest.approx(node.streamer._drive.stream
+                                                                 ._settling, abs=1e-6)
+            np.testing.assert_allclose(states[0][0], arm.joints, atol=1e-9)
+            assert until(lambda: state(node).execution.phase == 'running', 2 * PATIENCE)
+            assert until(lambda: arm.controller.taken > 2)
+            assert client.trigger('cancel').success
+            assert until(lambda: not state(node).executing)
+        at_rest(arm)
+        assert not arm.controller.refused
 
 
 def test_an_arm_whose_controller_does_not_hear_is_not_led(own_domain, monkeypatch):
