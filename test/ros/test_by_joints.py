@@ -19,6 +19,7 @@ from dlo_planner.arm.joint_stream import settling_time
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Feedback
 from dlo_planner.identify.estimator import DloEstimator
+from dlo_planner.identify.vibration import FreeVibration
 from dlo_planner.penalties import Through
 from dlo_planner.ros.arm import ArmDrive
 from dlo_planner.ros.plan import make_plan, through
@@ -201,3 +202,20 @@ def test_an_execution_begins_when_the_controller_has_led_the_arm_there(proved):
     assert execution.begin == execution.done == -settling_time(proved.scene.limits) < -0.2
     poses = execution.way.poses([execution.begin, 0.0])
     np.testing.assert_array_equal(poses[0].matrix, poses[1].matrix)
+
+
+def test_a_motion_against_a_swing_counts_from_when_the_controller_has_heard_of_it(proved, worker):
+    loop = Cell(proved, worker, standing_at(START)).drive._loop
+    shape = loop.observing.estimate.shape(START)
+    modes, s = shape.modes(2), np.linspace(0.2, 1.0, 20) * shape.s[-1]
+    moved = modes.displacements[0] / np.linalg.norm(modes.displacements[0, -1])
+    off = np.column_stack([np.interp(s, modes.s, part) for part in moved.T])
+    times = np.arange(0, 3 / modes.frequencies[0], 1 / 30)
+    seen = FreeVibration.of(shape, [
+        (time, shape.positions_at(s) + 2e-3 * np.cos(2 * np.pi * modes.frequencies[0] * time) * off)
+        for time in times])
+    way = loop._calming(seen, times[-1] + 0.3)
+    execution = loop._execution_of(way)
+    assert execution.done == -0.1
+    assert loop._calmed.stamp == pytest.approx(
+        times[-1] + 0.3 - execution.begin + way.trajectory.duration)
