@@ -11,6 +11,8 @@ As its documentation and its source (ros2_controllers, 4.x, of Jazzy) have them:
   by a polynomial of degree 5, 3 or 1, by what both of them have. Between two points it
   interpolates those; after the last point it holds that.
 * Where a joint is off its command by more than a tolerance, it holds the present position.
+* `defers` (its parameter allow_trajectory_replacement): a stamp in the future is waited for, and
+  what it had goes on until then; of several such messages the last one counts.
 """
 
 import numpy as np
@@ -21,9 +23,10 @@ _EPSILON = np.finfo(np.float32).eps
 class TrajectoryController:
     """Leads m joints: `hear` takes messages, `update` one sample."""
 
-    def __init__(self, names, positions, tolerance=0.0, open_loop=False, has_velocities=True):
+    def __init__(self, names, positions, tolerance=0.0, open_loop=False, has_velocities=True,
+                 defers=False):
         self.names, self._tolerance, self._open_loop = tuple(names), tolerance, open_loop
-        self._has_velocities = has_velocities
+        self._has_velocities, self._defers, self._deferred = has_velocities, defers, None
         self.command = np.array(positions, float)
         self.rates = np.zeros((2, len(self.command)))  # velocities, accelerations of the command
         self.refused, self.held, self.taken = [], 0, 0
@@ -42,8 +45,11 @@ class TrajectoryController:
         states = [tuple(np.array(part, float)[order] for part in (
             point.positions, point.velocities, point.accelerations) if len(part))
             for point in msg.points]
-        self._points, self._new = (stamp, times, states), True
         self.taken += 1
+        if self._defers and stamp > now:
+            self._deferred = stamp, times, states
+        else:
+            self._points, self._new, self._deferred = (stamp, times, states), True, None
         return True
 
     def _why_not(self, msg, now):
@@ -65,6 +71,8 @@ class TrajectoryController:
 
     def update(self, now, measured, velocities):
         """Return the command (m,) of a sample at a time, s, where the joints were measured (m,)."""
+        if self._deferred is not None and now >= self._deferred[0]:
+            self._points, self._new, self._deferred = self._deferred, True, None
         if self._points is None:
             return self.command
         stamp, times, states = self._points

@@ -108,16 +108,17 @@ class Cell:
 ARMS = {'ur5': (ur5, UR5_READY), 'panda': (panda, PANDA_READY)}
 
 
-@pytest.mark.parametrize('open_loop', [False, True])
-@pytest.mark.parametrize('name', ARMS)
-def test_the_controller_leads_the_gripper_along_its_motion_within_the_limits(name, open_loop):
+@pytest.mark.parametrize(('name', 'controller'), [
+    ('ur5', {'tolerance': 0.02}), ('ur5', {'open_loop': True, 'defers': True}),
+    ('panda', {'has_velocities': False}), ('panda', {'open_loop': True})])
+def test_the_controller_leads_the_gripper_along_its_motion_within_the_limits(name, controller):
     make, ready = ARMS[name]
     arm = make()
     going = motion(arm, ready)
-    cell = Cell(arm, ready, going, late=0.09, open_loop=open_loop)
+    cell = Cell(arm, ready, going, late=0.09, **controller)
     cell.run(going.duration + SETTLING + 0.6)
     assert cell.execution.phase == 'succeeded', cell.execution.reason
-    assert cell.led.taken > 10 and not cell.led.refused
+    assert cell.led.taken > 10 and not cell.led.refused and not cell.led.held
     assert cell.largest() <= ROUNDED
     assert cell.off_way(going) < 2e-5
     by_hand = placed_by_hand(arm.urdf, arm.tool_link, dict(zip(
@@ -199,9 +200,32 @@ def test_a_correction_is_spliced_in_where_nothing_was_told_yet():
     assert cell.largest() <= ROUNDED
 
 
-def test_a_controller_whose_clock_is_behind_hears_what_it_knows():
+def test_an_arm_that_is_blocked_is_held_by_its_controller_and_stopped():
     going = motion(ur5(), UR5_READY)
-    cell = Cell(ur5(), UR5_READY, going)
+    cell = Cell(ur5(), UR5_READY, going, late=0.05, tolerance=0.03)
+    cell.run(1.5)
+    stuck = cell.joints.copy()
+    update = cell.led.update
+    cell.led.update = lambda now, joints, speeds: update(now, stuck, 0 * speeds)
+    places = []
+    tick = cell.tick
+
+    def blocked(now):
+        cell.joints = stuck  # where encoders see it
+        places.append(np.abs(cell.commands[-1] - stuck).max())
+        tick(now)
+
+    cell.tick = blocked
+    cell.run(5.0)
+    assert cell.led.held
+    assert (cell.execution.phase, cell.execution.cause) == ('stopped', Cause.PATH_TOLERANCE)
+    assert max(places) <= 0.03 and not cell.led.refused
+
+
+@pytest.mark.parametrize('defers', [False, True])
+def test_a_controller_whose_clock_is_behind_hears_what_it_knows(defers):
+    going = motion(ur5(), UR5_READY)
+    cell = Cell(ur5(), UR5_READY, going, defers=defers)
     tick = cell.tick
     cell.tick = lambda now: tick(now + 0.15) if now > 0 else tick(0.0)
     cell.run(going.duration + SETTLING + 0.6)
