@@ -34,6 +34,7 @@ _JOINTS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 _MOST_JOINTS = 1000  # of which positions are remembered
 _STALE = 1.0   # s, after which a position of the arm's joints is not the present one
 _AWAY = 1e-2   # rad or m: farther from its first point the arm has to be brought there
+_DIGITS = 4    # of rad or m, by which a joint that carries the arm has to move for another arm
 _OFTEN = 0.01  # s between joint_states by which the gripper is followed: they may come at 500 Hz
 
 
@@ -146,16 +147,18 @@ class ArmOutput:
     def _same_arm(self) -> Arm:
         """Return the arm, which is made anew where what it is made of has changed."""
         known = {name: value for name, (value, _) in self._positions.items()}
-        carriers = () if self._known is None else self._known[1].carriers
-        made_of = (self._description, self._semantic,
-                   *(str(self._value(f'arm.{name}')) for name in (
-                       'tool_link', 'joints', 'packages', 'base.position', 'base.orientation',
-                       'self_clearance')), *(known.get(name) for name in carriers))
-        if self._known is None or self._known[0] != made_of:
+        made_of = (self._description, self._semantic, *(
+            str(self._value(f'arm.{name}')) for name in (
+                'tool_link', 'joints', 'packages', 'base.position', 'base.orientation',
+                'self_clearance')))
+
+        def stands(arm: Arm) -> tuple[float, ...]:
+            """Return where the joints are that carry the arm."""
+            return tuple(round(known.get(name, np.inf), _DIGITS) for name in arm.carriers)
+
+        if self._known is None or self._known[0] != (made_of, stands(self._known[1])):
             arm = self._arm(known)
-            made_of = (*made_of[:len(made_of) - len(carriers)],
-                       *(known.get(name) for name in arm.carriers))
-            self._known = made_of, arm
+            self._known = (made_of, stands(arm)), arm
         return self._known[1]
 
     def _follow(self, stamp: Time) -> None:

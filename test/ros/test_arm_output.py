@@ -223,3 +223,19 @@ def test_an_arm_of_which_too_little_is_known_is_not_led(cell):
     cell.output._positions.pop('elbow_joint')
     with pytest.raises(Refused, match='joint_states: no position of elbow_joint'):
         cell.output.drive(scene)
+
+
+def test_an_arm_is_made_anew_where_what_carries_it_moves(cell):
+    joints = list(ur5().joints)
+    cell = cell(('arm.tool_link', 'tool0'), ('execute.through', 'joints'),
+                ('arm.joints', joints[1:]))
+    cell.robot_is(ur5(), UR5_READY)
+    arm = cell.output._same_arm()
+    assert arm.carriers == (joints[0],)
+    cell.output._positions[joints[0]] = UR5_READY[0] + 1e-6, time.monotonic()  # noise
+    assert cell.output._same_arm() is arm
+    cell.output._positions[joints[0]] = UR5_READY[0] + 0.3, time.monotonic()
+    turned = cell.output._same_arm()
+    by_hand = placed_by_hand(ur5().urdf, 'tool0', dict(zip(
+        joints, UR5_READY + np.array([0.3, 0, 0, 0, 0, 0]), strict=True)))
+    np.testing.assert_allclose(turned.pose(UR5_READY[1:]).matrix, by_hand, atol=1e-9)
