@@ -60,6 +60,8 @@ def called(client, topic, kind, text):
     answer, _ = client._call(kind, topic.removeprefix(f'{client.planner}/'), fill(
         kind.Request(), yaml.safe_load(text or '{}')))
     code, said, _ = client.status_of(topic.rsplit('/', 1)[1])
+    while said != getattr(answer, 'message', said):  # what was executed before has its end there
+        code, said, _ = client.status_of(topic.rsplit('/', 1)[1])
     done = answer.success if hasattr(answer, 'success') else bool(answer.plan.poses)
     assert done == (code == 0)  # the answer and ~/status agree
     return f'{code}: {said}' if code else ''

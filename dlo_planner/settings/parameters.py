@@ -159,10 +159,11 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'spread.torsional_stiffness': (0.05, 'The same of GJ.', 0.0, 1.0),
     'spread.mass': (0.02, 'The same of all masses.', 0.0, 1.0),
     'spread.length': (0.0, 'The same of the length, m.', 0.0, 1.0),
-    'spread.natural_curvature': (0.05, 'The same of each component of the natural curvature, '
-                                       '1/m.', 0.0, 10000.0),
-    'spread.curvature_variation': (0.03, 'The same of what varies along s of it, '
-                                         '1/m.', 0.0, 10000.0),
+    'spread.natural_curvature': (-1.0, 'The same of each component of the natural curvature, 1/m; '
+                                       'below 0 = by the DLO: 0.05 rad over its length, and a '
+                                       'fifth of what is stated.', -1.0, 10000.0),
+    'spread.curvature_variation': (-1.0, 'The same of what varies along s of it, 1/m; below 0 = '
+                                         'by the DLO: 0.03 rad over its length.', -1.0, 10000.0),
     'spread.gripper_position': (0.0005, 'The same of where the gripper holds the DLO along each '
                                         'axis, m.', 0.0, 1.0),
     'spread.gripper_rotation': (0.0035, 'The same of how it is turned about each axis, '
