@@ -40,10 +40,17 @@ from dlo_planner.execute.causes import Cause
 from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.clouds import cloud_msg
 
-pytest.importorskip('pinocchio', reason='the extra [arm] is not installed')
 EXAMPLES = ROOT / 'examples' / 'ros'
 # a robot in a busy process is late; how far it may be is tested without one
 BUSY = {name: value for name, value in ROOM.items() if name != 'constraints.path.angle'}
+
+
+@contextmanager
+def an_arm(topic):
+    """Yield the arm of the example over DDS, whose controller hears a topic."""
+    pytest.importorskip('pinocchio', reason='the extra [arm] is not installed')
+    with arm_over_dds((EXAMPLES / 'arm' / 'arm.urdf').read_text(), topic) as arm:
+        yield arm
 
 
 @contextmanager
@@ -78,8 +85,7 @@ def session(name, client, node, before_executed=lambda command: None):
 
 
 def test_an_arm_is_led_by_its_joints(domain, own_domain, monkeypatch):
-    urdf = (EXAMPLES / 'arm' / 'arm.urdf').read_text()
-    with arm_over_dds(urdf, '/joint_trajectory_controller/joint_trajectory') as arm, launched(
+    with an_arm('/joint_trajectory_controller/joint_trajectory') as arm, launched(
             'arm', monkeypatch) as (node, client):
         assert until(lambda: state(node).pose is not None)
         begin = arm.joints.copy()
@@ -166,8 +172,7 @@ def test_each_readme_says_what_there_is(name):
 @contextmanager
 def proved_arm(monkeypatch):
     """Yield arm, planner, client, and the command that executes the plan, which is proved."""
-    urdf = (EXAMPLES / 'arm' / 'arm.urdf').read_text()
-    with arm_over_dds(urdf, '/joint_trajectory_controller/joint_trajectory') as arm, launched(
+    with an_arm('/joint_trajectory_controller/joint_trajectory') as arm, launched(
             'arm', monkeypatch) as (node, client):
         assert until(lambda: state(node).pose is not None)
         plan, execute = (one for one in commands_of((EXAMPLES / 'arm' / 'README.md').read_text())
@@ -256,8 +261,7 @@ def test_a_closed_loop_lets_the_arm_rest_before_it_looks(own_domain, monkeypatch
 
 
 def test_an_arm_whose_controller_does_not_hear_is_not_led(own_domain, monkeypatch):
-    urdf = (EXAMPLES / 'arm' / 'arm.urdf').read_text()
-    with arm_over_dds(urdf, '/elsewhere') as arm, launched('arm', monkeypatch) as (node, client):
+    with an_arm('/elsewhere') as arm, launched('arm', monkeypatch) as (node, client):
         assert until(lambda: state(node).pose is not None)
         _, execute = (one for one in commands_of((EXAMPLES / 'arm' / 'README.md').read_text())
                          if one[0] == 'service call')
