@@ -98,11 +98,11 @@ class ArmOutput:
         # name -> (rad or m, when it was received)
         self._positions: dict[str, tuple[float, float]] = {}
         self._out = node.add_publisher(JointTrajectoryMsg, '~/joint_trajectory', LATCHED)
-        for kind, topic, callback, qos in (
-                (String, 'robot_description', self._on_description, LATCHED),
-                (String, 'robot_description_semantic', self._on_semantic, LATCHED),
-                (JointState, 'joint_states', self._on_joint_state, _JOINTS)):
-            node.add_subscription(kind, topic, callback, qos, group)
+        for topic, callback in (('robot_description', self._on_description),
+                                ('robot_description_semantic', self._on_semantic)):
+            node.add_subscription(String, topic, callback, LATCHED, group)
+        # of several nodes at once, as of an arm and its gripper
+        node.add_newest(JointState, 'joint_states', self._on_joint_state, _JOINTS)
 
     def on_proof(self, trajectory: TimedPath | None, tool: Pose, stamp: Time,
                  free_roll: bool = False) -> JointTrajectory | None:

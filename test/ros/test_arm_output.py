@@ -191,6 +191,7 @@ def test_joint_states_say_where_the_tool_link_is_where_they_are_to(cell, monkeyp
     cell = cell(('arm.tool_link', 'tool0'), ('execute.through', 'joints'), *place)
     cell.output._hear = lambda pose, stamp: heard.append((pose, stamp))
     cell.robot_is(ur5(), UR5_READY)
+    cell.until(lambda: heard)
     by_hand = base.matrix @ placed_by_hand(ur5().urdf, 'tool0', dict(zip(
         ur5().joints, UR5_READY, strict=True)))
     np.testing.assert_allclose(heard[-1][0].matrix, by_hand, atol=1e-9)
