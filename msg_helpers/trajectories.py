@@ -22,6 +22,7 @@ from trajectory_msgs.msg import (
     MultiDOFJointTrajectoryPoint,
 )
 
+from dlo_planner.arm.joint_stream import JointPoints
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
@@ -174,6 +175,22 @@ def joint_trajectory_msg(joint_trajectory: JointTrajectory) -> JointTrajectoryMs
                   joint_trajectory.velocities.tolist(), joint_trajectory.accelerations.tolist(),
                   strict=True)]
     return JointTrajectoryMsg(joint_names=list(joint_trajectory.joint_names), points=points)
+
+
+def joint_points_msg(names: Sequence[str], told: JointPoints) -> JointTrajectoryMsg:
+    """Return the message of JointPoints, with the stamp from which its times count."""
+    instance('told', told, JointPoints)
+    names = items('names', names, str)
+    if told.positions.shape[1] != len(names):
+        raise InvalidTask(f'names has {len(names)} entries: expected {told.positions.shape[1]}, as '
+                          'many as joints are told')
+    points = [JointTrajectoryPoint(positions=positions, velocities=velocities,
+                                   accelerations=accelerations, time_from_start=duration_msg(time))
+              for time, positions, velocities, accelerations in zip(
+                  told.times, told.positions.tolist(), told.velocities.tolist(),
+                  told.accelerations.tolist(), strict=True)]
+    top = header('', time_msg(number('stamp', told.stamp, minimum=0)))
+    return JointTrajectoryMsg(header=top, joint_names=list(names), points=points)
 
 
 def positions_from_joint_state(joint_state: JointState) -> dict[str, float]:

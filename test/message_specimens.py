@@ -11,6 +11,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import Pose
+from dlo_planner.arm.joint_stream import JointPoints
 from msg_helpers.clouds import cloud_msg
 
 
@@ -29,5 +30,6 @@ def arguments():
         'poses.pose_from_stamped.msg': stamped,
         'trajectories.poses_from_path.path': Path(), 'trajectories.times_from_path.path': Path(),
         'trajectories.stamped_poses.msg': MultiDOFJointTrajectory(),
-        'trajectories.poses_ahead.stamp': 1.0,
+        'trajectories.poses_ahead.stamp': 1.0, 'trajectories.joint_points_msg.names': ['joint'],
+        'told': JointPoints(1.0, np.zeros(1), *np.zeros((3, 1, 1))),
         'joint_state': JointState(name=['joint'], position=[0.5])}

@@ -83,6 +83,8 @@ class Cause(IntEnum):
                        'to be executed, by `execute_plan`')
     LOOKS_DISAGREE = 419, ('what is seen of the DLO does not agree with what was expected: it '
                            'stops, and goes back before the cut-out')
+    ARM = 420, ('the joints of the arm cannot follow: out of reach, a limit, links that come '
+                'together, or too little is known of the arm')
     INTERNAL = 500, 'an error of the node itself; the log has its place'
 
 

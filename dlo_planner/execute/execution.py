@@ -34,7 +34,7 @@ _UNWATCHED = Guards(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, True, 0.0)
 # phases of what is not at its end
 ACTIVE = ('running', 'settling', 'stopping', 'waiting')
 _OFTEN = 0.2  # of the horizon, after which a robot is told the coming time again
-_LEAD = 0.1   # s until a robot hears that it has to stop
+LEAD = 0.1    # s until a robot hears that it has to stop
 _REMEMBERED = 1.0  # s, for which it is known what was commanded when
 _LATE = 0.25  # s without a command after which a robot that waits for one stands still
 _LONGER = 1.0, 1.4, 2.0, 2.8  # times as long as a correction is blended in
@@ -168,7 +168,7 @@ class Execution:
         named = replace(self, cause=cause, reason=reason, since=0.0)
         if at_once or self.command is None or self.phase in ('settling', 'waiting'):
             return replace(named, phase='stopped')
-        lead = int(np.ceil(_LEAD / self.period - 1e-9)) if self.horizon else 0
+        lead = int(np.ceil(LEAD / self.period - 1e-9)) if self.horizon else 0
         return replace(named, phase='stopping', pace=tuple(map(float, decelerate(
             self.way, self.done, self.kept, self.period, lead, self.rising, lasting))))
 
@@ -456,7 +456,7 @@ class Execution:
         limit = guards.incoming_command_timeout
         if limit and not age <= limit:
             came = 'none came' if feedback is None else f'the last one is {age:.3g} s old'
-            return (Cause.GRIPPER_POSE_LOST, f'gripper_pose: {came}: expected '
+            return (Cause.GRIPPER_POSE_LOST, f'{guards.heard}: {came}: expected '
                     f'incoming_command_timeout = {limit:g} s at most, by its stamp')
         barred = guards.barred(self.enabled, self.last or 0.0)
         if barred:

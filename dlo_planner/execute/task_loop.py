@@ -99,6 +99,8 @@ class TaskLoop:
         Coming motion of which the robot is told ahead, s.
     frame_id : str, optional
         Frame of the poses, for messages.
+    heard_after : float, optional
+        How long each motion stands still at its beginning, until a robot has heard of it, s.
 
     Attributes
     ----------
@@ -113,7 +115,7 @@ class TaskLoop:
     def __init__(self, task: LoopTask, observing: DloEstimator, here: Pose, *,
                  tool: Pose | None = None, guards: Guards | None = None,
                  limits: Limits | None = None, look: float = 2.0, period: float = 0.02,
-                 horizon: float = 0.0, frame_id: str = '') -> None:
+                 horizon: float = 0.0, frame_id: str = '', heard_after: float = 0.0) -> None:
         self._task, self.observing, self._here = task, observing, here
         self._tool = Pose.identity() if tool is None else tool
         self._loop = ClosedLoop(task.room, look, period=observing.seeing.correction_period)
@@ -121,7 +123,9 @@ class TaskLoop:
                                         goal_angle=0.0, incoming_command_timeout=0.0)
         self._execution_of = partial(
             Execution, limits=limits or task.limits, back=self._tool.inverse(), frame_id=frame_id,
-            period=period, horizon=horizon, guards=self._guards)
+            period=period, horizon=horizon, guards=self._guards, begin=-heard_after,
+            done=-heard_after)
+        self._heard_after = heard_after
         self._lag = lag_of(observing.seeing, horizon)
         self._feedback: Feedback | None = None
         self._enabled: Enabled | None = None
@@ -328,8 +332,8 @@ class TaskLoop:
         if last is not None and last.before.amplitude > _TOLD * _SWINGS * self._task.tolerance:
             self._delay = last.delay(seen)
         period = self._execution_of.keywords['period']
-        found = Calming.of(seen, time, self._delay, self._here, task.motion_limits, period,
-                           farthest)
+        found = Calming.of(seen, time + self._heard_after, self._delay, self._here,
+                           task.motion_limits, period, farthest)
         workspace = task.inverse.workspace
         poses = found.way.poses(np.arange(0.0, found.way.duration + period, period))
         shapes = task.hanging(self.observing.estimate, self._here)

@@ -104,6 +104,8 @@ class EstimatorConfig:
         rad.
     period : float
         Between two clouds that are looked at, s.
+    pose_holds : float
+        How long the last gripper pose holds for clouds that are newer, where the gripper stands, s.
     correct : bool
         Whether what is executed is corrected.
     correction_period : float
@@ -135,6 +137,8 @@ class EstimatorConfig:
     slip_rotation: float = 0.05
     kink: float = 0.1
     period: float = 0.2
+    # poses of a robot that stands come seldom, or once; in a second one hardly goes unseen
+    pose_holds: float = 1.0
     correct: bool = True
     correction_period: float = 0.5
     largest_correction: float = 0.02
@@ -396,14 +400,22 @@ class DloEstimator:
         if len(points) < _LEAST_POINTS:
             raise InvalidTask(f'observed_points has {len(points)} points: expected {_LEAST_POINTS} '
                               'at least')
+        def known_then() -> bool:
+            return bool(self._grippers) and self._grippers[-1][0] >= stamp
+
         with self._lock:  # a cloud may be quicker than the gripper's next pose
-            self._lock.wait_for(lambda: self._grippers and self._grippers[-1][0] >= stamp,
-                                _PATIENCE)
+            self._lock.wait_for(known_then, _PATIENCE)
+            stands = bool(self._grippers) and self._stands(list(self._grippers), stamp)
+            if not stands and self._grippers and stamp <= self._grippers[-1][0] + _GAP:
+                self._lock.wait_for(known_then, _GAP)  # poses of one that moves come seldom
             known, estimate = list(self._grippers), self.estimate
+        if known and self._stands(known, stamp):
+            known.append((stamp, known[-1][1]))
         if not known or not known[0][0] <= stamp <= known[-1][0]:
             span = f'{known[0][0]:.3f} to {known[-1][0]:.3f} s' if known else 'none'
             raise InvalidTask(f'observed_points.header.stamp = {stamp:.3f} s: expected a time of '
-                              f'which gripper poses are known: {span}')
+                              f'which gripper poses are known: {span}, or, where it stands, '
+                              f'observe.pose_holds = {self.seeing.pose_holds:g} s later at most')
         stamps, poses = zip(*known, strict=True)
         _judge_gap(stamps, poses, stamp)
         sway, velocity = self._own(stamps, poses, stamp)
@@ -452,6 +464,14 @@ class DloEstimator:
         if not after.converged:
             raise InvalidTask('observed_points: no equilibrium of the DLO explains them')
         return self.estimate
+
+    def _stands(self, known: Sequence[tuple[float, Pose]], stamp: float) -> bool:
+        """Return whether the last of the gripper's poses (stamp, Pose) holds until a stamp (s).
+
+        It stands where the last two are the same, or no other one is known.
+        """
+        (last, here), before = known[-1], known[-2:][0][1]
+        return last < stamp <= last + self.seeing.pose_holds and way_between(before, here) <= _SAME
 
     def _swung(self, seen: Observation, shape: Shape) -> None:
         """Take in where the free end is in a look; a point at s swings by (s / L)^2 of it."""

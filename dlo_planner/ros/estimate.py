@@ -296,11 +296,45 @@ def points_in(scene: Scene, msg: PointCloud2, name: str, frames: Frames) -> Floa
     return result
 
 
+# Of a quantity along or about an axis: what it is called, and its unit.
+_AXES = ('x', 'y', 'z')
+_QUANTITIES = {
+    'gripper_rotation': ('grip turned about', 'rad'),
+    'gripper_position': ('grip shifted along', 'm'), 'camera': ('camera shifted along', 'm'),
+    'camera_rotation': ('camera turned about', 'rad'), 'cutout': ('cut-out shifted along', 'm')}
+
+
 def estimate_summary(estimate: Estimate) -> str:
-    """Return in a sentence what an Estimate says: the numbers that were told by what was seen."""
+    """Return in a sentence what an Estimate says: the values that were told by what was seen."""
     values, deviations = estimate.values, estimate.deviations
     prior = dict(zip(estimate.names, estimate.uncertain.deviations.tolist(), strict=True))
-    said = [f'{name} {values[name]:+.3g} +- {deviations[name]:.1g}' for name in estimate.names
+    said = [_said(estimate, name, values[name], deviations[name]) for name in estimate.names
             if deviations[name] < 0.7 * prior[name]]
     return (f'{estimate.looks} looks, points {1e3 * estimate.misfit:.2g} mm off, '
             f'{estimate.outliers:.0%} of them outliers: {", ".join(said) or "nothing told"}')
+
+
+def _said(estimate: Estimate, name: str, value: float, deviation: float) -> str:
+    """Return in words, with its unit, a number of an Estimate and its standard deviation."""
+    kind, _, index = name.removesuffix(']').partition('[')
+    rod, k = estimate.simulator.rod, int(index or 0)
+    middle = [0.5 * rod.length]
+    (twist, bend_n, bend_b), = rod.stiffnesses(middle).tolist()
+    factors = {'bending_stiffness': (f'{bend_n:.3g} N m^2' if np.isclose(bend_n, bend_b) else
+                                     f'{bend_n:.3g} and {bend_b:.3g} N m^2'),
+               'torsional_stiffness': f'{twist:.3g} N m^2',
+               'mass': f'{rod.masses_per_length(middle)[0]:.3g} kg/m'}
+    if kind in factors:  # of which the number is a logarithm
+        what = 'mass per length' if kind == 'mass' else kind.replace('_', ' ')
+        return (f'{what} {factors[kind]} ({np.exp(value):.3g} times as stated) '
+                f'+- {100 * deviation:.1g} %')
+    if kind == 'length':
+        return f'length {rod.length:.5g} m ({value:+.2g} m) +- {deviation:.1g} m'
+    if kind == 'natural_curvature':
+        term, about = divmod(k, 2)
+        along = f' (P_{term} of s)' if term else ''
+        return f'natural curvature about {"nb"[about]}{along} {value:+.2g} +- {deviation:.1g} 1/m'
+    if kind == 'stamps':
+        return f'stamps late by {value:+.2g} +- {deviation:.1g} s'
+    what, unit = _QUANTITIES[kind]
+    return f'{what} {_AXES[k]} by {value:+.2g} +- {deviation:.1g} {unit}'

@@ -160,12 +160,13 @@ class Entities:
         return self._keep(self.destroy_subscription, self.create_subscription(
             kind, topic, self.counted(callback, always), qos, callback_group=group, **options))
 
-    def add_newest(self: Any, kind: Any, topic: str, callback: Callable[[Any], Any]) -> None:
-        """Subscribe to the newest message, in a thread of its own.
+    def add_newest(self: Any, kind: Any, topic: str, callback: Callable[[Any], Any],
+                   qos: QoSProfile = LATEST) -> None:
+        """Subscribe to the newest message, in a thread of its own; with a depth, to some.
 
         An executor takes ten times as long for it, and a flood would delay all else.
         """
-        made = self.add_subscription(kind, topic, callback, LATEST, _Nobodys())
+        made = self.add_subscription(kind, topic, callback, qos, _Nobodys())
         Thread(target=self._take, args=(made,), name=topic, daemon=True).start()
 
     def add_latched(self: Any, kind: Any, topic: str, callback: Callable[..., Any],

@@ -122,16 +122,16 @@ class PlannerNode(LifecycleNode):
         # what takes long has a thread of its own for its calls, which are taken as they come
         self.desks = planning, asking = [
             Desk(group['requests'], shared.status.crowded) for _ in range(2)]
-        arm = ArmOutput(self, group['topics'])
         self.scene_monitor = SceneMonitor(shared, group['topics'])
         self.estimator = Estimator(shared, group['looks'], asking)
         self.predictor = ShapePredictor(shared, group['control'], asking,
                                         self.estimator.gripper)
+        arm = ArmOutput(self, group['topics'], self.predictor.hear)
         self.proof_server = ProofServer(shared, self._prover, arm)
         self.planning_server = PlanningServer(shared, self.proof_server.look, group['tasks'],
                                               planning)
         self.streamer = TrajectoryStreamer(shared, self.planning_server, self.estimator.observing,
-                                           self._looping, group['commands'], group['control'])
+                                           self._looping, arm, group['commands'], group['control'])
 
         def flush() -> None:
             with shared.status.answering('markers', told=False):

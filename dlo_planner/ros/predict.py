@@ -84,13 +84,23 @@ class ShapePredictor(Part):
 
     def _on_pose(self, msg: PoseStamped) -> None:
         with self.status.answering('gripper_pose', counter='poses refused', told=False):
-            self.statistics.count('poses received')
-            arrived = monotonic()
-            pose = pose_in(self.store.state.scene, msg, 'gripper_pose', self.frames)
-            heard = self._heard(pose, msg.header.stamp, arrived,
-                                self._follows(pose, msg.header.stamp))
-            state = self.store.change(lambda state: state.with_feedback(heard))
-            self._look(pose.compose(state.scene.tool), msg.header.stamp, arrived)
+            scene = self.store.state.scene
+            if scene.by_joints:
+                raise Refused(Cause.INVALID_PARAMETER, 'gripper_pose: it has no effect with '
+                              'execute.through = joints: the gripper is where joint_states say')
+            self._hear(pose_in(scene, msg, 'gripper_pose', self.frames), msg.header.stamp)
+
+    def hear(self, pose: Pose, stamp: Time) -> None:
+        """Take in where the joints of an arm say that the tool frame is."""
+        with self.status.answering('joint_states', counter='poses refused', told=False):
+            self._hear(pose, stamp)
+
+    def _hear(self, pose: Pose, stamp: Time) -> None:
+        self.statistics.count('poses received')
+        arrived = monotonic()
+        heard = self._heard(pose, stamp, arrived, self._follows(pose, stamp))
+        state = self.store.change(lambda state: state.with_feedback(heard))
+        self._look(pose.compose(state.scene.tool), stamp, arrived)
 
     def _on_far_end(self, msg: PoseStamped) -> None:
         """Hold the far end there; where the gripper stands, the shape follows as well."""

@@ -36,6 +36,7 @@ from dlo_planner.settings.tasks import open_task
 from dlo_planner.view.colors import COLORINGS
 from msg_helpers.obstacles import Body
 
+THROUGH = ('pose', 'ahead', 'joints')  # how a robot is told what is executed
 _MOTION = 0.95    # of the limits, which a motion is made for: the rest is left to corrections
 _LONGEST = 1000   # characters or entries of a value
 _LONGEST_GROUP = 200  # characters of a namespace in the name of an obstacle
@@ -106,6 +107,16 @@ class Scene:
         return 1 / float(self['execute.rate'])
 
     @property
+    def by_joints(self) -> bool:
+        """Whether the joints of an arm are told what is executed, and say where the gripper is."""
+        return bool(self['execute.through'] == 'joints')
+
+    @property
+    def horizon(self) -> float:
+        """Seconds of the coming motion that a robot is told; 0: single commands."""
+        return 0.0 if self['execute.through'] == 'pose' else float(self['execute.horizon'])
+
+    @property
     def cutout_radius(self) -> float | None:
         """Radius of cut-outs that state none, m; None: not known."""
         return self['cutouts.radius'] or None
@@ -156,6 +167,13 @@ def _judge(values: Mapping[str, Any]) -> None:
             raise InvalidTask(f'parameter {name} has {len(value)} characters or entries: expected '
                               f'{_LONGEST} at most')
     choice('parameter markers.color', values['markers.color'], COLORINGS)
+    if choice('parameter execute.through', values['execute.through'], THROUGH) == 'joints':
+        if not values['arm.tool_link']:
+            raise InvalidTask("parameter arm.tool_link = '': expected the link that carries the "
+                              'gripper, of robot_description, for execute.through = joints')
+        if not values['execute.horizon']:
+            raise InvalidTask('parameter execute.horizon = 0: expected how much of the coming '
+                              'motion joints are told, s, for execute.through = joints')
     choice('parameter far_end.hold', values['far_end.hold'], ('free', *GRIPS))
     for name in ('frame_id', 'tool.frame_id', 'far_end.frame_id'):
         if not values[name].strip():
@@ -172,7 +190,8 @@ def _guards(values: Mapping[str, Any]) -> Guards:
                   values[goal + 'position'], values[goal + 'angle'],
                   values['constraints.goal_time'], values['cmd_timeout'],
                   values['incoming_command_timeout'], values['decelerate_on_cancel'],
-                  values['execute.longest_pause'], values['execute.enable_timeout'])
+                  values['execute.longest_pause'], values['execute.enable_timeout'],
+                  'joint_states' if values['execute.through'] == 'joints' else 'gripper_pose')
 
 
 def _seeing(values: Mapping[str, Any]) -> EstimatorConfig:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from builtin_interfaces.msg import Time
 
+from dlo_planner.arm.joint_stream import settling_time
 from dlo_planner.direct.shape import Shape
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import EXACT, Execution, blend_from_current_pose
@@ -212,8 +213,10 @@ class State:
         if part > EXACT:
             raise Refused(Cause.LIMITS, f'the motion of the plan uses {part:.3g} of its limits of '
                           'speed, acceleration and jerk (threading.*): plan again')
+        if self.scene.by_joints:  # the controller leads the arm to the beginning before
+            begin -= settling_time(scene.limits)
         execution = Execution(way, scene.tool.inverse(), scene.frame_id, self.scene.guards,
-                              scene.period, self.scene['execute.horizon'], scene.limits,
+                              scene.period, self.scene.horizon, scene.limits,
                               begin=begin, done=begin)
         return replace(self, execution=execution, running=self.planned, looking=None,
                        latest=None, others=0, askers=frozenset())
@@ -340,16 +343,20 @@ def _meant(state: State, made: PlanResult, wanted: Time | None, askers: frozense
 
 def _heard_lately(state: State, now: float) -> None:
     if state.pose is None:
-        raise Refused(Cause.NO_GRIPPER_POSE, 'no gripper pose is known: send ~/gripper_pose')
-    limit = state.scene.guards.incoming_command_timeout
+        wanted = 'send ~/gripper_pose'
+        if state.scene.by_joints:
+            wanted = 'expected joint_states and robot_description of the arm, as arm.* say'
+        raise Refused(Cause.NO_GRIPPER_POSE, f'no gripper pose is known: {wanted}')
+    guards = state.scene.guards
+    limit, heard = guards.incoming_command_timeout, guards.heard
     expected = f'expected incoming_command_timeout = {limit:g} s at most, by its stamp'
     if state.feedback is None:
-        raise Refused(Cause.OLD_GRIPPER_POSE, 'gripper_pose: each one that came was too old, or '
+        raise Refused(Cause.OLD_GRIPPER_POSE, f'{heard}: each one that came was too old, or '
                       f'from the future: {expected}')
     age = state.feedback.age + now - state.feedback.arrived
     if limit and age > limit:
         raise Refused(Cause.OLD_GRIPPER_POSE,
-                      f'gripper_pose: the last one is {age:.3g} s old: {expected}')
+                      f'{heard}: the last one is {age:.3g} s old: {expected}')
     if state.held_at(now) is not None:
         raise Refused(Cause.FAR_END_HELD, 'far_end_pose: the far end is held, which no plan is '
                       'made for: expected far_end.hold = free, or no pose')

@@ -19,13 +19,14 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.srv import GetPlan
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import MultiDOFJointTrajectory
+from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
+from dlo_planner.arm.joint_stream import JointPoints
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError, InvalidTask
 from dlo_planner.execute.causes import Cause, Refused, cause_of
-from dlo_planner.execute.execution import Ahead, Execution
+from dlo_planner.execute.execution import LEAD, Ahead, Execution
 from dlo_planner.execute.guards import Enabled
-from dlo_planner.execute.loop_motions import LoopTask
+from dlo_planner.execute.loop_motions import Entry, GripperMotion, LoopTask
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.estimator import DloEstimator
@@ -35,6 +36,7 @@ from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.pose import Pose
+from dlo_planner.ros.arm import ArmDrive, ArmOutput
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.ros.plan import (
     PlanningServer,
@@ -49,7 +51,7 @@ from dlo_planner.settings.tasks import STANDOFF, held_as_stated
 from dlo_planner.view.scene import axes_primitives
 from msg_helpers.diagnostics import OK, WARN, status_msg
 from msg_helpers.poses import pose_stamped_msg, stamp_text
-from msg_helpers.trajectories import poses_ahead
+from msg_helpers.trajectories import joint_points_msg, poses_ahead
 
 MISS_EXPECTED = 'miss expected at most [m]'  # of the cut-out in motion, 95 %
 
@@ -94,11 +96,12 @@ def _loop_task(made: PlanResult) -> LoopTask:
     return LoopTask(scene.inverse, task, standoff, scene.limits).of_plan(plan)
 
 
-def closed_loop_of(state: State, observing: DloEstimator | None,
-                   worker: Worker) -> ClosedLoopDrive | None:
+def closed_loop_of(state: State, observing: DloEstimator | None, worker: Worker,
+                   arm: ArmDrive | None = None) -> ClosedLoopDrive | None:
     """Return what carries out the plan that was started in a closed loop, or None: it cannot.
 
-    `observing` is of the DLO as stated, None where nobody looks; `worker` plans.
+    `observing` is of the DLO as stated, None where nobody looks; `worker` plans; `arm` is what
+    leads the joints, None where poses are commanded.
     """
     made, execution, scene = state.running, state.execution, state.scene
     if observing is None or not observing.seeing.correct or made is None or execution is None:
@@ -110,8 +113,8 @@ def closed_loop_of(state: State, observing: DloEstimator | None,
     loop = TaskLoop(task, observing, state.feedback.pose.compose(tool), tool=tool,
                          guards=execution.guards, limits=execution.limits,
                          period=execution.period, horizon=execution.horizon,
-                         frame_id=execution.frame_id)
-    return ClosedLoopDrive(loop, worker, scene['threading.planning_deadline'])
+                         frame_id=execution.frame_id, heard_after=LEAD if arm else 0.0)
+    return ClosedLoopDrive(loop, worker, scene['threading.planning_deadline'], arm)
 
 
 def open_loop_warning(state: State, observing: DloEstimator | None) -> str:
@@ -138,8 +141,9 @@ class ClosedLoopDrive:
     Who ends what is executed does so in the State; the next tick tells the loop.
     """
 
-    def __init__(self, loop: TaskLoop, worker: Worker, deadline: float) -> None:
-        self._loop, self._worker, self._deadline = loop, worker, deadline
+    def __init__(self, loop: TaskLoop, worker: Worker, deadline: float,
+                 arm: ArmDrive | None = None) -> None:
+        self._loop, self._worker, self._deadline, self._arm = loop, worker, deadline, arm
         self._lock = Lock()  # around the loop
         self._known: Execution | None = None  # what the State was told
         self._last: Execution | None = None   # of the loop, whose command went out
@@ -218,6 +222,7 @@ class ClosedLoopDrive:
 
         try:
             result = persistent(partial(self._worker.result, work, wanted, self._deadline))
+            self._judge(result)
         except DeadlineExceeded as error:
             result = deadline_refusal(error)
         except Exception as error:  # whatever it is, the loop has to end by it
@@ -225,6 +230,13 @@ class ClosedLoopDrive:
         if result is not None:  # it is still wanted
             with self._lock:
                 self._loop.finish(work, result)
+
+
+    def _judge(self, result: Any) -> None:
+        """Refuse a motion that the joints of the arm cannot follow."""
+        motion = result.motion if isinstance(result, Entry) else result
+        if self._arm is not None and isinstance(motion, GripperMotion):
+            self._arm.judge(motion.steered)
 
 
 _TOLD = 0.2      # s between messages on ~/execution
@@ -236,15 +248,18 @@ class TrajectoryStreamer(Part):
     """Streams what is executed.
 
     `cancel` ends the `planning` as well. `observing` takes a Time and returns the DloEstimator of
-    the DLO if it was looked at shortly before, or None; `worker` plans for a closed loop.
+    the DLO if it was looked at shortly before, or None; `worker` plans for a closed loop; `arm`
+    knows the arm whose joints may be told.
     """
 
     def __init__(self, shared: Shared, planning: PlanningServer,
-                 observing: Callable[[Time], DloEstimator | None], worker: Worker, commands: Any,
-                 control: Any) -> None:
+                 observing: Callable[[Time], DloEstimator | None], worker: Worker, arm: ArmOutput,
+                 commands: Any, control: Any) -> None:
         super().__init__(shared)
         node = self.node
         self._planning, self._observing, self._worker = planning, observing, worker
+        self._arm = arm
+        self._drive: ArmDrive | None = None  # what leads its joints, where they are told
         self._loop: ClosedLoopDrive | None = None  # that carries out what is executed
         # of the request; when ~/execution was published, and of which phase
         self._stamp, self._told, self._told_of = None, -1.0, ''
@@ -253,6 +268,7 @@ class TrajectoryStreamer(Part):
         self._command_out = node.add_publisher(PoseStamped, '~/gripper_command', REQUEST)
         self._ahead_out = node.add_publisher(MultiDOFJointTrajectory, '~/gripper_commands_ahead',
                                              REQUEST)
+        self._joints_out = node.add_publisher(JointTrajectory, '~/joint_commands_ahead', REQUEST)
         self._out = node.add_publisher(DiagnosticStatus, '~/execution', LATCHED)
         node.add_newest(Bool, '~/enable', self._on_enable)
         node.add_service(Trigger, '~/execute', self._on_execute, commands)
@@ -295,15 +311,26 @@ class TrajectoryStreamer(Part):
                 refuse_tolerance(request, 'execute_plan')
             observing = self._observing(now)
             loops: list[ClosedLoopDrive | None] = []
-            askers = self._planning.askers()
+            askers, scene = self._planning.askers(), self.store.state.scene
+            by_joints = scene.by_joints and not self.store.state.executing
+            drive = self._arm.drive(scene) if by_joints else None
+            if drive is not None and not self._joints_out.get_subscription_count():
+                raise Refused(Cause.ARM, f'nobody hears {self._joints_out.topic_name}: expected '
+                              'it to be remapped to the topic of the joint_trajectory_controller, '
+                              'as planner.launch.py does by controller:=')
 
             def started(now: State) -> State:
                 now = now.started(monotonic(), wanted, askers)
-                loops[:] = [closed_loop_of(now, observing, self._worker)]
+                assert now.execution is not None  # it was started
+                loops[:] = [closed_loop_of(now, observing, self._worker, drive)]
+                if drive is not None:
+                    drive.judge(now.execution.way, now.execution.begin)
                 return now if loops[0] is None else loops[0].begun(now)
 
             state = self.store.change(started)
-            self._loop = loops[0]
+            self._loop, self._drive = loops[0], drive
+            if drive is not None and self._loop is not None:  # it looks first, at rest
+                self._lead(drive, drive.stream.resting(1e-9 * self._now))
             self._stamp, self._told, self._finished = stamp, -1.0, False
             self._ahead = None
             self._timer.reset()
@@ -311,7 +338,8 @@ class TrajectoryStreamer(Part):
             assert execution is not None and state.running is not None  # it was started
             duration = execution.way.duration - execution.begin
             where = 'gripper_commands_ahead and ' if execution.horizon else ''
-            outcome.message = f'{duration:.1f} s on {where}gripper_command' + (
+            where = f'{where}gripper_command' if drive is None else 'joint_commands_ahead'
+            outcome.message = f'{duration:.1f} s on {where}' + (
                 '' if self._loop is None else ', or longer: it looks before it goes')
             outcome.warning = open_loop_warning(state, observing)
             outcome.values = {'duration [s]': duration,
@@ -347,7 +375,7 @@ class TrajectoryStreamer(Part):
             if self._finished:
                 return
             before = self.store.state.execution
-            now, stamp = monotonic(), 1e-9 * self.node.get_clock().now().nanoseconds
+            now, stamp = monotonic(), 1e-9 * self._now
             if self._loop is None:
                 execution = self.store.change(lambda state: state.after_tick(now, stamp)).execution
             else:
@@ -368,12 +396,31 @@ class TrajectoryStreamer(Part):
             return
         self._ahead = execution.ahead
         assert execution.stamp is not None  # there was a tick
+        if self._drive is not None:
+            try:
+                points = self._drive.told(execution)
+            except Refused as refused:  # what was told before holds, and ends at rest
+                self.stop(refused.cause, str(refused))
+            else:
+                self._lead(self._drive, points)
+            return
         self._ahead_out.publish(poses_ahead(*execution.ahead, execution.frame_id,
                                             execution.stamp))
 
+    @property
+    def _now(self) -> int:
+        nanoseconds: int = self.node.get_clock().now().nanoseconds
+        return nanoseconds
+
+    def _lead(self, drive: ArmDrive, points: JointPoints | None) -> None:
+        """Tell the joints of the arm, if there is anything new."""
+        if points is not None:
+            self._joints_out.publish(joint_points_msg(drive.arm.joints, points))
+
     def _send(self, command: Pose, frame_id: str) -> None:
         stamp, tool = self.node.get_clock().now().to_msg(), self.store.state.scene.tool
-        self._command_out.publish(pose_stamped_msg(command, frame_id, stamp))
+        if self._drive is None:
+            self._command_out.publish(pose_stamped_msg(command, frame_id, stamp))
         self.markers.show('command', frame_id, stamp, lambda: axes_primitives(
             'command', command.compose(tool), _COMMAND))
 
@@ -382,8 +429,11 @@ class TrajectoryStreamer(Part):
         self._timer.cancel()
         if execution.ends_at_once:
             assert execution.command is not None and execution.stamp is not None  # it ran
-            self._ahead_out.publish(poses_ahead([0.0], [execution.command], execution.frame_id,
-                                                execution.stamp))
+            if self._drive is not None:
+                self._lead(self._drive, self._drive.halted(execution))
+            else:
+                self._ahead_out.publish(poses_ahead([0.0], [execution.command],
+                                                    execution.frame_id, execution.stamp))
         self.markers.hide('command')
         looking = self.store.state.looking
         self._loop = None

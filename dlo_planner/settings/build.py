@@ -40,6 +40,10 @@ _BY_SECTION = {'yield_stress': ('round', 'tube', 'rectangular'),
 _FINEST = 1e-6         # accuracy, of the length: a shape takes less than a second
 _MOST_TOLERANCE = 1.0  # m
 _MOST_GRAVITY = 1e4    # m/s^2
+# Of a DLO of which nothing else is said: by how much it is bent over its length where it is said to
+# be straight, 3 degrees and, unevenly, 2; and which part of a stated curvature may be wrong. These
+# are assumptions, and the same at every scale.
+_STRAIGHT, _EVENLY, _OF_STATED = 0.05, 0.03, 0.2  # rad, rad, 1
 
 Values = Mapping[str, Any]  # of all names in PARAMETERS
 
@@ -126,7 +130,12 @@ def limits_of(values: Values) -> Limits:
 
 def spread_of(values: Values) -> Uncertainty:
     """Return the Uncertainty of what is uncertain."""
-    return Uncertainty(**{item.name: values[f'spread.{item.name}'] for item in fields(Uncertainty)})
+    length, stated = values['rod.length'], float(np.linalg.norm(values['rod.natural_curvature']))
+    by_dlo = {'natural_curvature': float(np.hypot(_STRAIGHT / length, _OF_STATED * stated)),
+              'curvature_variation': _EVENLY / length}
+    given = {item.name: values[f'spread.{item.name}'] for item in fields(Uncertainty)}
+    return Uncertainty(**{name: by_dlo[name] if value < 0 else value
+                          for name, value in given.items()})
 
 
 def tolerance_of(values: Values) -> float | None:

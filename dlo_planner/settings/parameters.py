@@ -39,8 +39,7 @@ _WHILE_EXECUTING = {  # may change while a plan is executed
     'rod.name', 'task', 'threading.waypoints', 'threading.deepest', 'threading.standoff',
     'threading.gripper_clearance', 'threading.max_misalignment', 'threading.margin',
     'threading.tolerance', 'threading.deadline',
-    'threading.planning_deadline', 'arm.tool_link', 'arm.joints', 'arm.packages',
-    'arm.base.position', 'arm.base.orientation', 'arm.self_clearance', 'arm.deadline',
+    'threading.planning_deadline', 'arm.packages', 'arm.self_clearance', 'arm.deadline',
     'markers.color', 'execute.start_distance', 'execute.start_angle'}
 # name -> default, which fixes the type; what it means; least, largest
 _TABLE: dict[str, tuple[Any, ...]] = {
@@ -160,10 +159,11 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'spread.torsional_stiffness': (0.05, 'The same of GJ.', 0.0, 1.0),
     'spread.mass': (0.02, 'The same of all masses.', 0.0, 1.0),
     'spread.length': (0.0, 'The same of the length, m.', 0.0, 1.0),
-    'spread.natural_curvature': (0.05, 'The same of each component of the natural curvature, '
-                                       '1/m.', 0.0, 10000.0),
-    'spread.curvature_variation': (0.03, 'The same of what varies along s of it, '
-                                         '1/m.', 0.0, 10000.0),
+    'spread.natural_curvature': (-1.0, 'The same of each component of the natural curvature, 1/m; '
+                                       'below 0 = by the DLO: 0.05 rad over its length, and a '
+                                       'fifth of what is stated.', -1.0, 10000.0),
+    'spread.curvature_variation': (-1.0, 'The same of what varies along s of it, 1/m; below 0 = '
+                                         'by the DLO: 0.03 rad over its length.', -1.0, 10000.0),
     'spread.gripper_position': (0.0005, 'The same of where the gripper holds the DLO along each '
                                         'axis, m.', 0.0, 1.0),
     'spread.gripper_rotation': (0.0035, 'The same of how it is turned about each axis, '
@@ -194,6 +194,9 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'observe.kink': (0.1, 'By how much it may be bent for good then, about each axis of its '
                           'section, at any one place, rad.', 0.0, 3.2),
     'observe.period': (0.2, 'Seconds between two clouds that are looked at.', 0.0, 60.0),
+    'observe.pose_holds': (1.0, 'Seconds for which the last gripper_pose holds for clouds that are '
+                                'newer, where the gripper stands (the last two poses are the same, '
+                                'or there is but one).', 0.0, 60.0),
     'observe.correct': (True, 'Whether what is seen counts for what is executed: by a closed '
                               'loop, or by a stop before a cut-out that the DLO may miss.'),
     'observe.correction_period': (0.5, 'Seconds between two corrections.', 0.0, 60.0),
@@ -212,9 +215,14 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'autostart': (True, 'Whether the node configures and activates itself, without a lifecycle '
                         'manager.'),
     'markers.color': ('curvature', 'What the color of the DLO tells: curvature | yield | tension.'),
+    'execute.through': ('ahead', 'How the robot is told what is executed: pose (gripper_command) | '
+                                 'ahead (gripper_commands_ahead, and gripper_command beside it) | '
+                                 'joints (joint_commands_ahead, of the arm of arm.tool_link, which '
+                                 'joint_states are the gripper of).'),
     'execute.rate': (50.0, 'Commands per second on gripper_command.', 1.0, 1000.0),
-    'execute.horizon': (1.0, 'Seconds of the coming motion on gripper_commands_ahead, for a robot '
-                             'that follows their stamps; 0: none, the motion goes on with each '
+    'execute.horizon': (1.0, 'Seconds of the coming motion that a robot is told ahead, by '
+                             'gripper_commands_ahead or joint_commands_ahead; 0, or with '
+                             'execute.through = pose: none, the motion goes on with each '
                              'gripper_command.', 0.0, 10.0),
     'execute.start_distance': (0.02, "How far from a plan's beginning the gripper may be to "
                                      "execute it, m.", 0.0, 10.0),

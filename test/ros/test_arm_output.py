@@ -19,9 +19,12 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from dlo_planner import Infeasible, InvalidTask, Pose
+from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.ros.arm import ArmOutput, _current
 from dlo_planner.ros.lifecycle import LATCHED, LifecycleNode
 from dlo_planner.ros.node import declare
+from dlo_planner.ros.scene import Scene
+from dlo_planner.settings.parameters import PARAMETERS
 
 STAMP = Time(sec=5)
 TOOL = Pose((0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0))
@@ -179,3 +182,61 @@ def test_a_semantic_description_says_what_is_looked_at(cell):
     cell.until(lambda: cell.output._semantic)
     trajectory = timed(way(ur5().pose(UR5_READY), (0.0, 0.05, 0.0)))
     assert cell.output.on_proof(trajectory, Pose.identity(), STAMP).self_clearance == np.inf
+
+
+def test_joint_states_say_where_the_tool_link_is_where_they_are_to(cell, monkeypatch):
+    base, heard = Pose((1.0, 0.0, 0.5), (0.0, 0.0, 0.6, 0.8)), []
+    place = (('arm.base.position', base.position.tolist()),
+             ('arm.base.orientation', base.quaternion.tolist()))
+    cell = cell(('arm.tool_link', 'tool0'), ('execute.through', 'joints'), *place)
+    cell.output._hear = lambda pose, stamp: heard.append((pose, stamp))
+    cell.robot_is(ur5(), UR5_READY)
+    cell.until(lambda: heard)
+    by_hand = base.matrix @ placed_by_hand(ur5().urdf, 'tool0', dict(zip(
+        ur5().joints, UR5_READY, strict=True)))
+    np.testing.assert_allclose(heard[-1][0].matrix, by_hand, atol=1e-9)
+    monkeypatch.setattr('dlo_planner.ros.arm._OFTEN', 0.0)
+    msg = JointState(name=list(ur5().joints), position=(UR5_READY + 0.1).tolist())
+    msg.header.stamp = STAMP
+    cell.output._on_joint_state(msg)
+    assert heard[-1][1] == STAMP
+    assert np.linalg.norm(heard[-1][0].position - by_hand[:3, 3]) > 0.05
+    cell.node.set_parameters([Parameter('arm.base.position', value=[0.0, 0.0, 0.0])])
+    cell.output._on_joint_state(msg)  # the arm is made anew
+    np.testing.assert_allclose(heard[-1][0].position, heard[-2][0].position - base.position,
+                               atol=1e-9)
+    count = len(heard)
+    cell.node.set_parameters([Parameter('execute.through', value='ahead')])
+    cell.output._on_joint_state(msg)
+    assert len(heard) == count
+
+
+def test_an_arm_of_which_too_little_is_known_is_not_led(cell):
+    cell = cell(('arm.tool_link', 'tool0'), ('execute.through', 'joints'))
+    scene = Scene.of({name: cell.node.get_parameter(name).value for name in PARAMETERS})
+    with pytest.raises(Refused, match='robot_description was not received') as refused:
+        cell.output.drive(scene)
+    assert refused.value.cause == Cause.ARM
+    cell.robot_is(ur5(), UR5_READY)
+    drive = cell.output.drive(scene)
+    np.testing.assert_array_equal(drive.stream.joints, UR5_READY)
+    assert drive.arm.chain is not drive.looks.chain  # of two threads
+    cell.output._positions.pop('elbow_joint')
+    with pytest.raises(Refused, match='joint_states: no position of elbow_joint'):
+        cell.output.drive(scene)
+
+
+def test_an_arm_is_made_anew_where_what_carries_it_moves(cell):
+    joints = list(ur5().joints)
+    cell = cell(('arm.tool_link', 'tool0'), ('execute.through', 'joints'),
+                ('arm.joints', joints[1:]))
+    cell.robot_is(ur5(), UR5_READY)
+    arm = cell.output._same_arm()
+    assert arm.carriers == (joints[0],)
+    cell.output._positions[joints[0]] = UR5_READY[0] + 1e-6, time.monotonic()  # noise
+    assert cell.output._same_arm() is arm
+    cell.output._positions[joints[0]] = UR5_READY[0] + 0.3, time.monotonic()
+    turned = cell.output._same_arm()
+    by_hand = placed_by_hand(ur5().urdf, 'tool0', dict(zip(
+        joints, UR5_READY + np.array([0.3, 0, 0, 0, 0, 0]), strict=True)))
+    np.testing.assert_allclose(turned.pose(UR5_READY[1:]).matrix, by_hand, atol=1e-9)

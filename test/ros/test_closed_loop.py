@@ -126,7 +126,7 @@ def test_what_is_seen_is_identified_and_counts_from_then_on(client, node, tracke
                     - truth.shape(START).positions[-1]).max()
     answer = client.trigger('identify')
     assert answer.success, answer.message
-    assert 'natural_curvature' in answer.message
+    assert 'natural curvature about ' in answer.message
     scene = state(node).scene
     assert state(node).scene.values['rod.youngs_modulus'] != restored['rod.youngs_modulus']
     after = scene.direct.solve(START.compose(scene.tool)).positions[-1]

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a camera sees, made an estimate and then parameters: without a node."""
 
+import re
 from dataclasses import replace
+from threading import Timer
 
 import numpy as np
 import pytest
@@ -19,7 +21,7 @@ from dlo_planner import (
     Uncertainty,
 )
 from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig, Swing, motion_at
-from dlo_planner.ros.estimate import estimate_summary, in_front, observing_of
+from dlo_planner.ros.estimate import _said, estimate_summary, in_front, observing_of
 from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.settings.parameters import PARAMETERS
@@ -64,12 +66,53 @@ def test_a_cloud_needs_points_and_a_gripper_of_its_time(rng):
     out, points = observing(), np.zeros((5, 3))
     with pytest.raises(InvalidTask, match='observed_points has 2 points: expected 3'):
         out.look(1.0, points[:2])
-    for stamp in (-0.001, 10.001):
-        with pytest.raises(InvalidTask, match=r'stamp = .* gripper poses are known: 0.000 to 10'):
+    for stamp in (-0.001, 11.001):
+        with pytest.raises(InvalidTask, match=r'known: 0.000 to 10.* s, or, where it stands, '
+                           r'observe.pose_holds = 1 s later'):
             out.look(stamp, points)
     with pytest.raises(InvalidTask, match='known: none'):
         observing(times=()).look(1.0, points)
     assert out.estimate.looks == 0
+
+
+def test_the_last_pose_of_a_gripper_that_stands_holds_for_a_while(rng):
+    points = Truth.drawn(rng).seen(rng, START).points
+    assert observing(times=(0.0, 0.4)).look(1.39, points).looks == 1  # 2.5 poses in a second
+    assert observing(times=(5.0,)).look(5.9, points).looks == 1       # a single one
+    moving = observing(times=(0.0,))
+    moving.gripper(0.4, Pose(START.position + (0.01, 0, 0), START.quaternion))
+    with pytest.raises(InvalidTask, match='gripper poses are known'):
+        moving.look(0.401, points)
+    moving.gripper(0.8, Pose(START.position + (0.01, 0, 0), START.quaternion))
+    moving.look(0.9, points)  # it stands again
+    assert moving.looked == 0.9
+    never = DloEstimator(DirectSimulator(WIRE), replace(SEEING, pose_holds=0.0))
+    never.gripper(0.0, START)
+    with pytest.raises(InvalidTask, match='pose_holds = 0 s'):
+        never.look(0.001, points)
+
+
+def test_between_two_poses_a_gripper_is_where_it_was_between(rng):
+    truth, out = Truth.drawn(rng), observing(times=())
+    for time in (0.0, 0.4):  # 2.5 poses in a second, 2.5 cm/s
+        out.gripper(time, Pose(START.position + (0, 0.025 * time, 0), START.quaternion))
+    there = Pose(START.position + (0, 0.025 * 0.3, 0), START.quaternion)
+    points = truth.seen(rng, there).points
+    assert out.look(0.3, points).looks == 1  # 7.5 mm off it would not agree
+    assert out.surprise < 0.5
+    out.look(0.01, points)
+    assert out.surprise > 1
+
+
+def test_a_cloud_waits_for_the_next_pose_of_a_gripper_that_moves(rng):
+    truth, out = Truth.drawn(rng), observing(times=())
+    for time in (0.0, 0.4):
+        out.gripper(time, Pose(START.position + (0, 0.025 * time, 0), START.quaternion))
+    points = truth.seen(rng, Pose(START.position + (0, 0.0125, 0), START.quaternion)).points
+    late = Timer(0.25, out.gripper, (0.8, Pose(START.position + (0, 0.02, 0), START.quaternion)))
+    late.start()
+    assert out.look(0.5, points).looks == 1
+    late.join()
 
 
 def test_clouds_are_thinned_out_by_time_and_points(rng):
@@ -222,7 +265,29 @@ def test_what_is_identified_is_the_dlo_of_the_estimate(section, rng):
     s = np.linspace(0, 0.999, 9) * after.direct.rod.length
     np.testing.assert_allclose(after.direct.solve(commanded).positions_at(s),
                                estimate.shape(START).positions_at(s), atol=2e-4)
-    assert 'natural_curvature' in estimate_summary(estimate)
+    said = estimate_summary(estimate)
+    assert 'natural curvature about ' in said and '_' not in said.replace('P_', '')
+    stiff, factor = re.search(r'bending stiffness (\S+) (?:and \S+ )?N m\^2 \((\S+) times', said
+                              ).groups()
+    rod = after.direct.rod
+    assert float(stiff) == pytest.approx(rod.stiffnesses([0.5 * rod.length])[0, 1], rel=0.01)
+    assert float(factor) == pytest.approx(np.exp(estimate.values['bending_stiffness']), rel=0.01)
+
+
+@pytest.mark.parametrize(('name', 'value', 'said'), [
+    ('length', 2e-3, 'length 1.002 m (+0.002 m) +- 0.0005 m'),
+    ('natural_curvature[3]', 0.1, 'natural curvature about b (P_1 of s) +0.1 +- 0.0005 1/m'),
+    ('gripper_rotation[1]', -0.01, 'grip turned about y by -0.01 +- 0.0005 rad'),
+    ('camera[2]', 1e-3, 'camera shifted along z by +0.001 +- 0.0005 m'),
+    ('stamps', 0.02, 'stamps late by +0.02 +- 0.0005 s'),
+    ('cutout[0]', 1e-3, 'cut-out shifted along x by +0.001 +- 0.0005 m')])
+def test_each_value_is_said_with_its_unit(name, value, said):
+    observed = DloEstimator(DirectSimulator(WIRE), replace(
+        SEEING, spread=replace(SPREAD, length=1e-3), bias=1e-3, camera_rotation=1e-3, cutout=1e-3))
+    estimate = observed.estimate
+    mean = estimate.mean.copy()
+    mean[estimate.names.index(name)] = value
+    assert _said(replace(estimate, mean=mean), name, value, 5e-4) == said
 
 
 def test_terms_add_up(rng):

@@ -3,119 +3,99 @@
 """The launch files: only what the launch of Jazzy's first releases (3.4.3) can do."""
 
 import ast
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
 
 import pytest
 import yaml
+from launching import (
+    ALLOWED,
+    STANDARD,
+    Recorded,
+    arguments_of,
+    command_line,
+    described,
+    of_kind,
+    started,
+    substitutions,
+)
 from planner_process import ROOT
 
-FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
-# Of launch and launch_ros 3.4.3; name -> module
-ALLOWED = {
-    'LaunchDescription': 'launch', 'DeclareLaunchArgument': 'launch.actions',
-    'IfCondition': 'launch.conditions',
-    'EmitEvent': 'launch.actions', 'RegisterEventHandler': 'launch.actions',
-    'OnProcessExit': 'launch.event_handlers', 'Shutdown': 'launch.events',
-    'LaunchConfiguration': 'launch.substitutions', 'Node': 'launch_ros.actions',
-    'ParameterFile': 'launch_ros.parameter_descriptions',
-    'ParameterValue': 'launch_ros.parameter_descriptions', 'Path': 'pathlib'}
+FILES = sorted([*(ROOT / 'launch').glob('*.launch.py'), *(ROOT / 'examples').rglob('*.launch.py')])
+NAMES = [str(path.relative_to(ROOT)) for path in FILES]
+PLANNER = ROOT / 'launch' / 'planner.launch.py'
 
 
-class LaunchConfiguration:
-    """Stands for the value of an argument, as the original does."""
-
-    def __init__(self, name):
-        self.name = name
-
-
-def substitutions(given):
-    """Judge what 3.4.3 takes where a text with substitutions is due; return a list."""
-    items = [given] if isinstance(given, str | LaunchConfiguration) else list(given)
-    for item in items:
-        if not isinstance(item, str | LaunchConfiguration):  # a list in a list needs 3.4.5
-            raise TypeError(f'Failed to normalize given item of type {type(item)}')
-    return items
-
-
-def text(given, **arguments):
-    return ''.join(arguments[item.name] if isinstance(item, LaunchConfiguration) else item
-                   for item in substitutions(given))
-
-
-class Recorded:
-    """An action: what it was made with."""
-
-    def __init__(self, *positional, **named):
-        self.positional, self.named = positional, named
-
-
-def stand_ins():
-    """Return the modules of launch and launch_ros, with nothing in them but what is allowed."""
-    modules = {'launch_ros': ModuleType('launch_ros')}
-    for name, module in ALLOWED.items():
-        if module.startswith('launch'):
-            kind = LaunchConfiguration if name == 'LaunchConfiguration' else type(
-                name, (Recorded,), {})
-            setattr(modules.setdefault(module, ModuleType(module)), name, kind)
-    return modules
-
-
-@pytest.fixture
-def description(monkeypatch, request):
-    """Return the entities of the launch file given as parameter, made with stand-ins."""
-    for name, module in stand_ins().items():
-        monkeypatch.setitem(sys.modules, name, module)
-    spec = importlib.util.spec_from_file_location('launch_file', ROOT / 'launch' / request.param)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.generate_launch_description().positional[0]
-
-
-def of_kind(entities, name):
-    return [one for one in entities if type(one).__name__ == name]
-
-
-@pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
+@pytest.mark.parametrize('path', FILES, ids=NAMES)
 def test_only_known_names_are_imported(path):
     for node in ast.walk(ast.parse(path.read_text())):
         assert not isinstance(node, ast.Import), f'{path.name}: import names of modules'
         if isinstance(node, ast.ImportFrom):
             for alias in node.names:
-                assert ALLOWED.get(alias.name) == node.module, f'{path.name}: {alias.name}'
+                known = {**ALLOWED, **STANDARD}.get(alias.name)
+                assert known == node.module, f'{path.name}: {alias.name}'
 
 
-@pytest.mark.parametrize('description', [path.name for path in FILES], indirect=True)
-def test_every_value_is_one_that_the_first_jazzy_takes(description):
-    for entity in description:
-        for value in entity.named.values():
-            if isinstance(value, Recorded):
-                continue
-            if isinstance(value, list) and any(isinstance(one, Recorded) for one in value):
-                for one in of_kind(value, 'ParameterFile'):
-                    substitutions(one.positional[0])
-            elif isinstance(value, list) and any(isinstance(one, dict) for one in value):
-                for one in value:  # parameters by name
-                    for content in one.values():
-                        substitutions([content])
-            elif isinstance(value, str | LaunchConfiguration | list):
-                substitutions(value)
+@pytest.mark.parametrize('path', FILES, ids=NAMES)
+def test_every_value_is_one_that_the_first_jazzy_takes(path):
+    for entity in [*described(path), *(one for one, _ in started(path))]:
+        for name, value in entity.named.items():
+            for one in values_in(name, value):
+                substitutions(one)
 
 
-@pytest.mark.parametrize('description', ['planner.launch.py'], indirect=True)
-def test_each_rod_of_config_can_be_chosen_and_nothing_else(description):
-    rod = next(one for one in of_kind(description, 'DeclareLaunchArgument')
-               if one.positional == ('rod',))
+def values_in(name, value):
+    """Return what has to be a text with substitutions, of an argument of an action."""
+    if name in ('cmd', 'arguments'):
+        return value
+    if name in ('remappings', 'launch_arguments'):
+        return [part for pair in value for part in pair]
+    if name == 'parameters':
+        files = [one.positional[0] if isinstance(one, Recorded) else one for one in value
+                 if not isinstance(one, dict)]
+        return files + [content for one in value if isinstance(one, dict)
+                        for content in one.values() if not isinstance(content, Recorded)]
+    return [] if isinstance(value, Recorded) or callable(value) else [value]
+
+
+@pytest.mark.parametrize('path', FILES, ids=NAMES)
+def test_each_argument_explains_itself(path):
+    arguments = of_kind(described(path), 'DeclareLaunchArgument')
+    assert arguments
+    for one in arguments:
+        said = one.named['description']
+        assert said[0].isupper() and said.endswith('.') and len(said) > 5, one.positional
+    values = arguments_of(described(path))
+    assert set(values) == {one.positional[0] for one in arguments}
+
+
+def planner_of(**given):
+    """Return what follows --ros-args of the planner that is started with arguments."""
+    (node, values), = started(PLANNER, **given)
+    assert (node.named['package'], node.named['executable']) == ('dlo_planner', 'planner_node')
+    return command_line(node, values)
+
+
+def test_each_rod_of_config_can_be_chosen_and_nothing_else():
+    rod = next(one for one in described(PLANNER) if one.positional == ('rod',))
     there = sorted(path.stem for path in (ROOT / 'config').glob('*.yaml'))
     assert rod.named['choices'] == there
     assert rod.named['default_value'] in there
-    node = of_kind(description, 'Node')[0]
-    file = node.named['parameters'][0].positional[0]
     for choice in there:
-        named = Path(text(file, rod=choice, namespace=''))
-        assert named == ROOT / 'config' / f'{choice}.yaml' and named.is_file()
+        assert str(ROOT / 'config' / f'{choice}.yaml') in planner_of(rod=choice)
+
+
+def test_the_planner_is_what_its_arguments_say():
+    plain = planner_of()
+    assert plain == ['-r', '__node:=dlo_planner', '--params-file',
+                     str(ROOT / 'config' / 'copper_wire.yaml'), '-p', 'autostart:=true']
+    line = planner_of(params_file='/mine.yaml', name='wires', namespace='cell1', autostart='false',
+                      through='joints', arm='tool0', controller='/jtc', gripper_pose='/tcp',
+                      gripper_command='/servo_node/pose', tracker='/trackdlo/results')
+    assert line == [
+        '-r', '__node:=wires', '-r', '__ns:=/cell1', '--params-file', '/mine.yaml',
+        '-p', 'autostart:=false', '-p', 'arm.tool_link:=tool0', '-p', 'execute.through:=joints',
+        '-r', '~/gripper_pose:=/tcp', '-r', '~/observed_points:=/trackdlo/results',
+        '-r', '~/gripper_command:=/servo_node/pose',
+        '-r', '~/joint_commands_ahead:=/jtc/joint_trajectory']
 
 
 @pytest.mark.parametrize('path', sorted((ROOT / 'config').glob('*.yaml')), ids=lambda p: p.stem)

@@ -86,7 +86,8 @@ VALUES = {name: entry.default for name, entry in PARAMETERS.items()}
 FIXED = ('constraints.', 'cutouts.', 'decelerate', 'gravity', 'incoming', 'observe.', 'simulator.',
          'spread.', 'tool.', 'workspace.', 'threading.linear', 'threading.angular',
          'threading.may_yield', 'execute.horizon', 'execute.longest_pause',
-         'execute.enable_timeout', 'cmd_timeout')
+         'execute.enable_timeout', 'execute.through', 'cmd_timeout', 'arm.tool_link', 'arm.joints',
+         'arm.base.')
 
 
 def judged(phase, **changed):

@@ -2,83 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The commands of docs/ros_interface.md, as printed and in their order, as the launch starts it."""
 
-import importlib
-import re
-
 import pytest
 import yaml
-from node_inside import Alive, state
+from launching import arguments_of, described
+from node_inside import Alive
 from planner_here import context_of_its_own, planner_here
-from planner_process import PATIENCE, ROOT, connected_client, drain, until
+from planner_process import ROOT, connected_client
+from ros2_commands import commands_of, run_inside
 
-from dlo_planner.ros.lifecycle import LATCHED
 from dlo_planner.settings.parameters import PARAMETERS
 
 PAGE = (ROOT / 'docs' / 'ros_interface.md').read_text()
-COMMANDS = re.findall(r'^    ros2 (topic pub --once|service call|param set|topic echo --once) '
-                      r'(\S+) ?(\S*)(?: "?(.*?)"?)?$', PAGE, re.M)
-LAUNCH = (ROOT / 'launch' / 'planner.launch.py').read_text()
-DLO = re.search(r"'rod', default_value='(\w+)'", LAUNCH)[1]
+COMMANDS = commands_of(PAGE)
+DLO = arguments_of(described(ROOT / 'launch' / 'planner.launch.py'))['rod']
 FILE = ROOT / 'config' / f'{DLO}.yaml'
-
-
-def of_type(name):
-    """Return the class of a type, 'package/msg/Name' or 'package/Name'."""
-    package, *kind, name = name.split('/')
-    return getattr(importlib.import_module('.'.join([package, *(kind or ['msg'])])), name)
-
-
-def fill(message, values):
-    """Fill a message as the command `ros2` does."""
-    for name, value in values.items():
-        if isinstance(value, dict):
-            fill(getattr(message, name), value)
-        elif isinstance(value, list):
-            kind = of_type(message.get_fields_and_field_types()[name][len('sequence<'):-1])
-            setattr(message, name, [fill(kind(), one) for one in value])
-        else:
-            setattr(message, name, type(getattr(message, name))(value))
-    return message
-
-
-def published(client, node, topic, kind, text):
-    """Publish once; return what is said against it."""
-    drain(client.statuses)
-    out = client.node.create_publisher(kind, topic, 10)
-    assert until(out.get_subscription_count)
-    before = state(node)
-    out.publish(fill(kind(), yaml.safe_load(text)))
-    if topic.endswith('/task'):
-        code, said, _ = client.status_of('task', PATIENCE)
-        return said if code else ''
-    taken = (lambda: state(node).scene.bodies) if topic.endswith('/obstacles') else (
-        lambda: state(node).pose is not None and state(node).shape is not before.shape)
-    return '' if until(taken) else 'nothing came of it'
-
-
-def called(client, topic, kind, text):
-    answer, _ = client._call(kind, topic.removeprefix(f'{client.planner}/'), fill(
-        kind.Request(), yaml.safe_load(text)))
-    if answer.plan.poses:
-        return ''
-    return client.status_of(topic.rsplit('/', 1)[1])[1]
-
-
-def set_to(client, name, text):
-    result, = client.set_parameters(**{name.replace('.', '__'): yaml.safe_load(text)})
-    return result.reason
-
-
-def heard(client, topic):
-    """Return what is wrong with the first message of a topic that somebody begins to hear."""
-    kinds = dict(client.node.get_topic_names_and_types())
-    if topic not in kinds:
-        return 'no such topic'
-    came = []
-    made = client.node.create_subscription(of_type(kinds[topic][0]), topic, came.append, LATCHED)
-    known = until(lambda: came)
-    client.node.destroy_subscription(made)
-    return '' if known else 'nothing came'
 
 
 @pytest.mark.parametrize('arguments', [['--params-file', str(FILE)], []], ids=['launch', 'alone'])
@@ -90,14 +27,7 @@ def test_the_commands_of_the_page_do_what_they_say(domain, monkeypatch, argument
     with context_of_its_own() as context, planner_here(
             monkeypatch, context, *arguments) as node, connected_client(Alive()) as client:
         for how, name, third, text in COMMANDS[:None if arguments else 3]:
-            if how == 'param set':
-                said = set_to(client, third, text)
-            elif how == 'topic echo --once':
-                said = heard(client, name)
-            elif how == 'service call':
-                said = called(client, name, of_type(third), text)
-            else:
-                said = published(client, node, name, of_type(third), text)
+            said = run_inside(client, node, how, name, third, text)
             if said:
                 refused[name, text[:60]] = said
     assert not refused

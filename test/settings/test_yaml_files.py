@@ -222,6 +222,19 @@ def test_sizes_that_would_take_for_ever_are_refused_by_name(change, named):
         direct_of(read_values('copper_wire', [change])[0])
 
 
+@pytest.mark.parametrize('length', [0.3, 1.0, 12.0])
+def test_how_straight_a_dlo_is_does_not_depend_on_its_size(length):
+    values, _ = read_values('copper_wire', [f'rod.length={length}'])
+    spread = spread_of(values)
+    assert spread.natural_curvature * length == pytest.approx(0.05)
+    assert spread.curvature_variation * length == pytest.approx(0.03)
+    coiled = spread_of(values | {'rod.natural_curvature': [0.0, 30.0]})
+    assert coiled.natural_curvature == pytest.approx(6.0, rel=1e-3)
+    stated = spread_of(values | {'spread.natural_curvature': 0.0})
+    assert (stated.natural_curvature, stated.curvature_variation) == (
+        0.0, spread.curvature_variation)
+
+
 def test_each_spread_and_limit_is_that_of_its_name():
     values, _ = read_values('copper_wire')
     given = {name: 1e-3 * k for k, name in enumerate(

@@ -18,7 +18,8 @@ from dlo_planner.ros.lifecycle import LATCHED, LATEST, REQUEST
 OUTPUTS = {
     '~/predicted_shape': (PathMsg, LATCHED), '~/gripper_trajectory': (PathMsg, LATCHED),
     '~/gripper_trajectory_timed': (MultiDOFJointTrajectory, LATCHED),
-    '~/joint_trajectory': (JointTrajectory, LATCHED), '~/markers': (MarkerArray, LATCHED),
+    '~/joint_trajectory': (JointTrajectory, LATCHED),
+    '~/joint_commands_ahead': (JointTrajectory, REQUEST), '~/markers': (MarkerArray, LATCHED),
     '~/status': (DiagnosticStatus, LATCHED), '~/execution': (DiagnosticStatus, LATCHED),
     '~/gripper_command': (PoseStamped, REQUEST),
     **{f'~/{name}_wrench': (WrenchStamped, LATEST) for name in ('gripper', 'far_end')},
