@@ -6,7 +6,9 @@ from dlo_planner.direct.modes import Modes
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Contact, modes_along
 from dlo_planner.parallel.shapes import Shapes
+from dlo_planner.plan.stage import Metric, Stage
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.verify.robustness import Robustness
 
-__all__ = ['Contact', 'Modes', 'Motion', 'Robustness', 'Shapes', 'ValidationReport', 'modes_along']
+__all__ = ['Contact', 'Metric', 'Modes', 'Motion', 'Robustness', 'Shapes', 'Stage',
+           'ValidationReport', 'modes_along']

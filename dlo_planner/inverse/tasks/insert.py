@@ -39,7 +39,7 @@ from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.holds import FarEnd
+from dlo_planner.model.holds import BORE, Hold
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, before
 from dlo_planner.model.value import put
@@ -132,8 +132,8 @@ class Insertion(Family):
         if carried:  # a start for the DLO with the whole mass, no more
             outside = self.simulator.with_rod(self._rod(_Stop(depth, 0.0)))
             shape = replace(shape, state=shape.state.forgotten())
-        mouth = FarEnd(Pose.from_rotation(self._bore.center, shape.frames[-1]),
-                       'clamped' if carried else 'sleeve')
+        mouth = Hold(Pose.from_rotation(self._bore.center, shape.frames[-1]),
+                     'clamped' if carried else 'sleeve', by=BORE)
         return outside.solve(shape.gripper, shape, far_end=mouth)
 
     def _stops_at(self, depths: Floats) -> list[_Stop]:
