@@ -26,6 +26,7 @@ from dlo_planner.plan.plan import (
     times_at_speed,
     truncate,
 )
+from dlo_planner.plan.stage import moving
 from dlo_planner.plan.swept import violation_between
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.uncertainty.parameters import Uncertainty
@@ -94,7 +95,7 @@ class PlanBuilder:
             raise self.refusal(broken.name, -broken.room, broken.message, broken.unit)
         self.waypoints.append(waypoint)
         self._rooms.append(min(self._demands.room_beside_touched(waypoint.shape), *(
-            one.room for one in margins if one.name == 'clearance')))
+            one.room + self._demands.clearance for one in margins if one.name == 'clearance')))
         limits = self._demands.yield_limits
         self._used.append(np.nan if limits is None else utilization(waypoint.shape, limits))
         self._demands.progress.done(len(self.waypoints), len(self._depths))
@@ -156,11 +157,12 @@ def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[floa
     used: of the yield limits, 1 where the DLO begins to yield.
     """
     grippers = [waypoint.shape.gripper for waypoint in waypoints]
+    arms = moving([waypoint.shape for waypoint in waypoints])
     return Plan(np.array(depths[:len(waypoints)]), tuple(grippers),
                 tuple(waypoint.shape for waypoint in waypoints),
                 np.array([waypoint.misalignment for waypoint in waypoints]),
                 np.array([waypoint.position_error for waypoint in waypoints]),
-                times_at_speed(grippers, *speeds),
+                times_at_speed(grippers, *speeds, arms.values()),
                 tuple(waypoint.via_points for waypoint in waypoints),
                 padded_clearances([waypoint.clearances for waypoint in waypoints]),
                 waypoints[-1].sheets if waypoints else (),

@@ -34,6 +34,11 @@ ROOM = 0.25      # part of the room in a hole that a motion may lose, whatever i
 _EXCEEDED = 2.0  # what breaks a demand that has no limit counts as so many limits
 
 
+def nearer(apart: float) -> str:
+    """Return how a DLO is to what it touches, or comes nearer to than `apart`, m: in words."""
+    return f'nearer than clearance = {apart:g} m to ' if apart else 'in '
+
+
 def verbatim(text: str) -> str:
     """Return a text for `Margin.words` that stays as it is: somebody chose it."""
     return text.replace('{', '{{').replace('}', '}}')
@@ -98,6 +103,7 @@ class Judge:
     angle_tolerance: float | None = None
     uncertainty: Uncertainty | None = None  # of the DLO and its gripper; None: the usual one
     margin: float | None = None  # least margin in a cut-out, m. If None, any
+    clearance: float = 0.0  # least distance from the obstacles and sheets, m
 
     def silent(self) -> Judge:
         """Return the same demands for a search, whose steps are not reported."""
@@ -109,7 +115,8 @@ class Judge:
 
     @cached_property
     def _bodies(self) -> tuple[Bodies, ...]:
-        return tuple(Bodies((), (obstacle,), self.surface) for obstacle in self.obstacles)
+        return tuple(Bodies((), (obstacle,), self.surface, apart=self.clearance)
+                     for obstacle in self.obstacles)
 
     @cached_property
     def _touched_bodies(self) -> Bodies:
@@ -139,15 +146,16 @@ class Judge:
             yield Margin('angle_tolerance', self.angle_tolerance - waypoint.misalignment, 'the DLO '
                          'is {found:.3g} rad off its direction, angle_tolerance = {limit:g} rad',
                          waypoint.misalignment, self.angle_tolerance, 'rad')
-        yield Margin('clearance', waypoint.clearance, 'the DLO is {over:.3g} m in the sheet around '
-                     'a cut-out (infinite, if no Sheet among the obstacles has this hole): it '
-                     'would need as much more room')
+        yield Margin('clearance', waypoint.clearance - self.clearance, 'the DLO is {over:.3g} m in '
+                     'the sheet around a cut-out (infinite, if no Sheet among the obstacles has '
+                     'this hole): it would need as much more room')
         around = [sheet for sheet, _ in waypoint.sheets]
         for index, (obstacle, body) in enumerate(zip(self.obstacles, self._bodies, strict=True)):
             if any(obstacle is sheet for sheet in around):
                 continue  # that is its clearance
             yield Margin('clearance', body.exact(shape),
-                         'the DLO is {over:.3g} m in ' + verbatim(called(obstacle, index)))
+                         'the DLO is {over:.3g} m ' + nearer(self.clearance)
+                         + verbatim(called(obstacle, index)))
         if self.margin is not None:
             found = least_margin(self.uncertainty, shape, [s for _, s, _ in waypoint.via_points],
                                  waypoint.clearances)

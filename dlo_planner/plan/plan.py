@@ -602,18 +602,29 @@ def arc_length_at(center: Floats | None, passes: Passes) -> float | None:
     return next((s for other, s, _ in passes if np.array_equal(other, center)), None)
 
 
-def times_at_speed(grippers: Sequence[Pose], linear_speed: float, angular_speed: float) -> Floats:
-    """Return (n,) times in s: each leg takes as long as the slower of its two motions."""
+def times_at_speed(grippers: Sequence[Pose], linear_speed: float, angular_speed: float,
+                   others: Iterable[Sequence[Pose]] = ()) -> Floats:
+    """Return (n,) times in s: each leg takes as long as the slower of its two motions.
+
+    `others`: n poses of each other arm; the slowest arm counts.
+    """
     if len(grippers) < 2:
         return np.zeros(len(grippers))
+    legs = np.max([_seconds(poses, linear_speed, angular_speed) for poses in (grippers, *others)],
+                  axis=0)
+    return np.concatenate([[0.0], np.cumsum(legs)])
+
+
+def _seconds(grippers: Sequence[Pose], linear_speed: float, angular_speed: float) -> Floats:
+    """Return (n - 1,) how long an arm takes from each of n poses to the next, s."""
     positions = np.array([pose.position for pose in grippers])
     rotations = np.array([pose.rotation for pose in grippers])
     distance = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     turns = rotations[1:] @ rotations[:-1].swapaxes(1, 2)
     sines = turns[:, (2, 0, 1), (1, 2, 0)] - turns[:, (1, 2, 0), (2, 0, 1)]
     angle = np.arctan2(np.linalg.norm(sines, axis=1), np.trace(turns, axis1=1, axis2=2) - 1.0)
-    legs = np.maximum(distance / linear_speed, angle / angular_speed)
-    return np.concatenate([[0.0], np.cumsum(legs)])
+    seconds: Floats = np.maximum(distance / linear_speed, angle / angular_speed)
+    return seconds
 
 
 def plan_tree(plan: Plan) -> dict[str, Any]:

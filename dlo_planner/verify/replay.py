@@ -178,21 +178,20 @@ class _Replay:
     def _at_rest(self) -> Sequence[Shape]:
         """Return the shapes of the DLO that follows the plan slowly."""
         plan, simulator, initial = self.plan, self.simulator, self.initial
-        if isinstance(simulator, DirectSimulator) and (
-                held_after(plan) is None and plan.shapes[0].holds):
-            return simulator.track(plan.grippers, self.progress.done, initial,
-                                   holds=[shape.holds for shape in plan.shapes])
         if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
             return _parts(simulator, plan, self.progress)
         if initial is None and plan.shapes[0].contacts:
             initial = plan.shapes[0]
+        # a bore is no hold of the whole DLO
+        holds = [shape.holds for shape in plan.shapes] if held_after(plan) is None else ()
         around = unplanned(simulator, plan)
         if around:
             free = simulator.without_obstacles()
-            shapes: Sequence[Shape] = free.track(plan.grippers, self.progress.done, initial)
+            shapes: Sequence[Shape] = free.track(plan.grippers, self.progress.done, initial,
+                                                 holds=holds)
             if self._clear(free, shapes, around):
                 return shapes
-        shapes = simulator.track(plan.grippers, self.progress.done, initial)
+        shapes = simulator.track(plan.grippers, self.progress.done, initial, holds=holds)
         return shapes
 
     def _clear(self, free: Simulator, shapes: Sequence[Shape],
