@@ -54,7 +54,7 @@ class PlanBuilder:
         self.waypoints: list[Waypoint] = []
         self._rooms: list[float] = []  # of each, beside everything, m
         self._used: list[float] = []  # of the yield limits
-        self._initial, self._stops = initial, stops
+        self._initial, self._stops = initial, list(stops)
         self._depths: Floats = np.asarray(depths, dtype=float)
         self._demands, self._what = demands, what
 
@@ -78,6 +78,15 @@ class PlanBuilder:
         """How much deeper the next waypoint is than the one before, m; 0 at the first."""
         index = len(self.waypoints)
         return float(self._depths[index] - self._depths[index - 1]) if index else 0.0
+
+    def lengthen(self, count: int) -> None:
+        """Let the plan have some waypoints more, which go nowhere deeper than the next one."""
+        index = len(self.waypoints)
+        self._depths = np.insert(self._depths, index, [self._depths[index]] * count)
+
+    def stop(self) -> None:
+        """Let the gripper stop at the last waypoint."""
+        self._stops.append(len(self.waypoints) - 1)
 
     def check(self) -> None:
         """Raise DeadlineExceeded if the time is over."""

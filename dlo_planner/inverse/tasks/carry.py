@@ -271,16 +271,20 @@ class _Search:
         simulator = self._context.simulator.without_obstacles()
         goal = simulator.solve(self._end.gripper, holds=self._end.holds)
         if not goal.converged:
-            return Infeasible(f'at the goal the DLO is {goal.status}; {best}', best.waypoint,
-                              best.constraint, best.amount, best.plan, best.unit)
+            return _again(best, f'at the goal the DLO is {goal.status}; ')
         broken = self._silent.violation(Waypoint(goal))
         if broken is not None:
             return Infeasible(f'at the goal {broken.message}', best.waypoint, broken.name,
                               float(-broken.room), best.plan, broken.unit)
         heights = ', '.join(f'{height * self._length:.3g}' for height in _HEIGHTS)
-        return Infeasible(f'neither the straight way nor one lifted by {heights} m is free; the '
-                          f'one that came farthest: {best}', best.waypoint, best.constraint,
-                          best.amount, best.plan, best.unit)
+        return _again(best, f'neither the straight way nor one lifted by {heights} m is free; of '
+                      'the one that came farthest ')
+
+
+def _again(error: Infeasible, words: str) -> Infeasible:
+    """Return the same refusal with some words before it, the amount said once."""
+    return Infeasible(words + str(error).rpartition(' (')[0], error.waypoint, error.constraint,
+                      error.amount, error.plan, error.unit)
 
 
 def _progress(error: Infeasible) -> float:

@@ -6,28 +6,33 @@ Nothing is sought: between two poses the gripper and all other arms go straight,
 the plan is refused where the DLO would leap, touch something, bend too sharply or pull too hard.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import Grips, between
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.continuation import Follower, GivenPoses, Passing, continue_family
+from dlo_planner.inverse.continuation import GivenPoses, Passing, Step
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.holds import FarEnd, Hold, Holds, holds_of
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.model.value import put, same
+from dlo_planner.model.value import put
+from dlo_planner.model.value import same as equal
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.continuity import SURELY_STABLE, same
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint
 
 _LONGEST = 0.1        # of the length, and
 SHARPEST = 0.15       # rad: between two waypoints
+_UNEVEN = 0.1         # of a motion: what it may leave an even one in its middle
+_HALVINGS = 8         # of the way between two waypoints where the DLO is hardly stable
 
 
 def interpolated(one: Pose, other: Pose, length: float) -> list[Pose]:
@@ -51,7 +56,7 @@ def straight(one: Grips, other: Grips, length: float) -> list[Grips]:
 
 def held_as_said(initial: Shape | None, holds: Holds) -> None:
     """Raise InvalidTask unless `initial` is held by exactly these Holds, if there is one."""
-    if initial is not None and not same(initial.holds, holds):
+    if initial is not None and not equal(initial.holds, holds):
         raise InvalidTask(f'initial is held by {shown(initial.holds)}: expected a Shape that is '
                           f'held as the task says, {shown(holds)}')
 
@@ -61,22 +66,65 @@ def limit(name: str, value: object) -> float | None:
     return None if value is None else number(name, value, above=0)
 
 
-def led(context: PlanContext, grips: Sequence[Grips], demands: Judge, stops: Sequence[int] = (),
+def led(context: PlanContext, grips: Sequence[Grips], demands: Judge, stops: Collection[int] = (),
         first: Shape | None = None) -> Plan:
     """Return the Plan of a DLO that is led straight through n Grips, or raise Infeasible.
 
-    The first Shape is found from `first`, or naturally.
+    The first Shape is found from `first`, or naturally. Where the DLO is hardly stable there are
+    more waypoints than Grips.
     """
     family = GivenPoses(context.simulator.without_obstacles(), [one.gripper for one in grips],
                         [one.holds for one in grips])
-    builder = PlanBuilder(np.zeros(len(grips)), demands, stops=stops)
-
-    def waypoint(passing: Passing) -> Waypoint:
-        return Waypoint(passing.shape)
-
-    continue_family(builder, Follower(family, family.first(first), 0.0,
-                                      np.arange(len(grips), dtype=float)), waypoint)
+    builder, before = PlanBuilder(np.zeros(len(grips)), demands), family.first(first).shape
+    found = [before]
+    for index, goal in enumerate(grips):
+        builder.check()
+        if index:
+            found = _followed(family.simulator, before, goal, _HALVINGS)
+            builder.lengthen(len(found) - 1)
+        for shape in found:
+            refused = family.refusal(builder, None, Step(Passing(shape), 0.0))
+            if refused is not None:
+                raise refused
+            builder.add(Waypoint(shape))
+        before = found[-1]
+        if index in stops:
+            builder.stop()
     return builder.finished()
+
+
+def _followed(simulator: DirectSimulator, before: Shape, goal: Grips, halvings: int) -> list[Shape]:
+    """Return the Shapes in which a DLO follows its grips, the last one at `goal`.
+
+    Near the loss of stability there are two shapes close to each other, and a long step may lead
+    to that in which the DLO does not come: steps are halved until the stability is halved at most
+    from each to the next, half a step leads to the same, and the DLO moves evenly. Where it does
+    not follow the last one is not `converged`, or has `jumped`.
+    """
+    here = Grips(before.gripper, before.holds)
+    middle = here.towards(goal, 0.5)
+    after, = simulator.track([goal.gripper], initial=before, holds=goal.holds)
+    least = min(before.stability, after.stability)
+    if not after.converged or after.jumped or least > SURELY_STABLE:
+        return [after]
+    halved, again = simulator.track([middle.gripper, goal.gripper], initial=before,
+                                    holds=[middle.holds, goal.holds])
+    if (again.converged and same(again, after) and halved.stability > least / 2
+            and after.stability > before.stability / 2 and _evenly(before, halved, after)):
+        return [after]
+    if not halvings:  # it cannot be told in which shape the DLO comes there
+        return [replace(after, jumped=True)]
+    found = _followed(simulator, before, middle, halvings - 1)
+    if not found[-1].converged or found[-1].jumped:
+        return found
+    return found + _followed(simulator, found[-1], goal, halvings - 1)
+
+
+def _evenly(before: Shape, middle: Shape, after: Shape) -> bool:
+    """Whether a DLO is half way between two Shapes in the `middle` one."""
+    one, other, halfway = (shape.positions_at(before.s) for shape in (before, after, middle))
+    away = np.linalg.norm(halfway - 0.5 * (one + other), axis=1).max()
+    return bool(away < _UNEVEN * np.linalg.norm(other - one, axis=1).max())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
