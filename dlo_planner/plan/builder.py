@@ -8,6 +8,7 @@ Each waypoint is checked when it is added, the path between them when the plan i
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -126,8 +127,10 @@ class PlanBuilder:
 
     def _plan(self, status: PlanStatus) -> Plan:
         stops = tuple(stop for stop in self._stops if stop < len(self.waypoints))
-        return build_plan(self.waypoints, self._depths, self._demands.speeds, status, stops,
+        plan = build_plan(self.waypoints, self._depths, self._demands.speeds, status, stops,
                           self._rooms, self._used, self._demands.uncertainty)
+        limits = self._demands.wrench_limits
+        return plan if limits == (None, None) else replace(plan, wrench_limits=limits)
 
 
 def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
@@ -137,7 +140,7 @@ def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
     known: rooms at the waypoints beside everything, m, where they are.
     """
     looked_at = demands.workspace is not None or demands.simulator is not None and (
-        plan.sheets or demands.obstacles)
+        plan.sheets or demands.obstacles or demands.wrench_limits != (None, None))
     if len(plan) < 2 or not plan.times[-1] > plan.times[0] or not looked_at:
         return plan
     broken = violation_between(GripperPath.of(plan), plan.shapes, plan.sheets, demands, known)

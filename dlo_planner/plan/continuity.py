@@ -95,6 +95,13 @@ def followed(simulator: Simulator, before: Shape, gripper: Pose, holds: Holds) -
     return simulator.track([gripper], initial=before)[0]
 
 
+def solved_as(simulator: Simulator, shape: Shape) -> Shape:
+    """Return the Shape that another simulator finds from one, where that is held."""
+    if isinstance(simulator, DirectSimulator):
+        return simulator.solve(shape.gripper, shape, holds=shape.holds)
+    return simulator.solve(shape.gripper, shape)
+
+
 def _follows(before: Shape, shape: Shape, change: float) -> bool:
     """Whether a change of shape in rad is hardly more than the gripper's turn causes."""
     return change < _QUIET or change < _QUIET + angle_between(before.gripper.rotation,

@@ -149,6 +149,8 @@ class Plan(Filmed):
     starts : tuple of (str, int)
         Name of each of the `stages`, and the index of its first waypoint. If empty, one begins
         wherever the DLO is held otherwise than before, named by what holds it.
+    wrench_limits : (float or None, float or None)
+        Largest force (N) and moment (N m) that a grip may exert, at rest and in motion; None: any.
     """
 
     _REMEMBERED = ('margin',)
@@ -171,6 +173,7 @@ class Plan(Filmed):
     insertion_status: tuple[str, ...] = ()
     uncertainty: Uncertainty | None = None
     starts: Starts = ()
+    wrench_limits: tuple[float | None, float | None] = (None, None)
 
     def __post_init__(self) -> None:
         grippers = items('Plan.grippers', self.grippers, Pose)
@@ -205,6 +208,9 @@ class Plan(Filmed):
                             'insertion_force', 'clearance', 'yield_utilization')})
         if not isinstance(self.starts, tuple) or self.starts:
             put(self, starts=checked_starts(self.starts, self.shapes))
+        put(self, wrench_limits=tuple(
+            limit if limit is None else number('Plan.wrench_limits', limit, above=0)
+            for limit in items('Plan.wrench_limits', self.wrench_limits, object, least=2)))
         super().__post_init__()
 
     def __len__(self) -> int:
@@ -518,7 +524,16 @@ def concatenate(one: Plan, other: Plan) -> Plan:
                 other.sheets or one.sheets,
                 min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))),
                 np.array(forces), np.array(rooms), np.array(used), tuple(pushes),
-                known[-1] if known else other.uncertainty, starts)
+                known[-1] if known else other.uncertainty, starts,
+                _least(one.wrench_limits, other.wrench_limits))
+
+
+def _least(one: Sequence[float | None],
+           other: Sequence[float | None]) -> tuple[float | None, float | None]:
+    """Return the smaller of two limits each, of forces and of moments."""
+    force, moment = (min((limit for limit in pair if limit is not None), default=None)
+                     for pair in zip(one, other, strict=True))
+    return force, moment
 
 
 def _held_on(end: Shape, begin: Shape) -> None:
@@ -637,7 +652,8 @@ def plan_tree(plan: Plan) -> dict[str, Any]:
                 None if plan.uncertainty is None else asdict(plan.uncertainty)),
             'fraction': plan.fraction, 'status': plan.status.value,
             'insertion_status': np.array(plan.insertion_status, dtype=str),
-            'stages': json.dumps(plan.starts), 'passes': np.array(passes).reshape(-1, 8),
+            'stages': json.dumps(plan.starts), 'wrench_limits': json.dumps(plan.wrench_limits),
+            'passes': np.array(passes).reshape(-1, 8),
             'sheets': json.dumps([{**_sheet(sheet), 'normal': list(normal)}
                                   for sheet, normal in plan.sheets]),
             **{str(k): pack(shape) for k, shape in enumerate(plan.shapes)}}
@@ -666,7 +682,8 @@ def plan_of(tree: Mapping[str, Any]) -> Plan:
         'insertion_status': tuple(np.asarray(tree.get('insertion_status', ())).tolist()),
         'stops': tuple(int(stop) for stop in tree['stops']),
         # files of before there were stages: by what holds the DLO
-        'starts': tuple(tuple(one) for one in json.loads(str(tree.get('stages', '[]'))))})
+        'starts': tuple(tuple(one) for one in json.loads(str(tree.get('stages', '[]')))),
+        'wrench_limits': json.loads(str(tree.get('wrench_limits', '[null, null]')))})
     margin = np.array(tree.get('margin', np.full(len(plan), np.nan)), dtype=float)
     freeze(margin)
     put(plan, margin=margin)

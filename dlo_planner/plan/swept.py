@@ -23,6 +23,9 @@ turn, its levers measured from its hold. It is assumed, not proved, that the DLO
 between both ends: a jump is noticed where the DLO is simulated, and `plan.continuity` checks the
 straight motion.
 
+Forces and moments at the grips, where they are limited, are looked at in the middle too, and in the
+middles of halves where the parabola through three places comes near to the limit.
+
 Between two instants of a motion in time (`least_between`) the nodes go along cubic polynomials that
 keep their places and velocities (Hermite). A point leaves the even way by at most h^2/8 times its
 largest acceleration in h seconds, which of a cubic is that at an end; by how much a cubic itself is
@@ -44,7 +47,15 @@ from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.checks import Judge, Margin, nearer, verbatim
+from dlo_planner.plan.checks import (
+    Judge,
+    Margin,
+    largest_wrench,
+    nearer,
+    verbatim,
+    violated,
+    wrench_margins,
+)
 from dlo_planner.plan.clearance import Bodies, SheetSide
 from dlo_planner.plan.continuity import followed
 from dlo_planner.plan.path import GripperPath, Leg
@@ -53,6 +64,7 @@ from dlo_planner.plan.stage import arm_of, moved_holds
 _HALVINGS = 7   # of the way between two waypoints
 _CLOSER = 4     # looks for where the DLO is deepest in something
 _TINY = 1e-12   # of the length: a node in the gripper
+_DOUBTED = 2.0  # times what a parabola says, for what it is not
 _LEAP = 3.0     # motion of the DLO per lever and turn of the gripper: more is no continuation
 
 
@@ -70,12 +82,14 @@ def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequen
             place, name, amount = beyond
             outside = Margin(name, -amount, 'on the way there the gripper comes {over:.3g} m '
                              f'beyond {name}', place=place)
-    if demands.simulator is None or not (sheets or demands.obstacles) or any(
+    limited = demands.wrench_limits != (None, None)
+    if demands.simulator is None or not (sheets or demands.obstacles or limited) or any(
             shape.s[-1] != demands.simulator.rod.length for shape in shapes):
         return outside
     bodies = Bodies(sheets, demands.obstacles, demands.surface, demands.progress.check,
                     demands.clearance)
-    return _Sweep(path, bodies, demands.simulator).broken(shapes, known, outside) or outside
+    return _Sweep(path, bodies, demands, demands.simulator).broken(
+        shapes, known, outside) or outside
 
 
 @dataclass(frozen=True)
@@ -104,8 +118,10 @@ def _look(bodies: Bodies, u: float, shape: Shape, least: float,
 class _Sweep:
     """Checks a path, leg by leg, between the waypoints."""
 
-    def __init__(self, path: GripperPath, bodies: Bodies, simulator: Simulator) -> None:
+    def __init__(self, path: GripperPath, bodies: Bodies, demands: Judge,
+                 simulator: Simulator) -> None:
         self._path, self._bodies, self._simulator = path, bodies, simulator
+        self._demands, self._limited = demands, demands.wrench_limits != (None, None)
 
     def broken(self, shapes: Sequence[Shape], known: Sequence[float] | None,
                outside: Margin | None) -> Margin | None:
@@ -128,6 +144,8 @@ class _Sweep:
                     before = _look(self._bodies, a, shapes[start], known[start], arms)
                 after = _look(self._bodies, b, shapes[goal], known[goal], arms)
                 what = self._between(leg, before, after, bends, _HALVINGS)
+                if what is None and self._limited:
+                    what = self._strained(leg, before, after, _HALVINGS)
                 if what is not None:
                     return what._replace(place=goal)
                 before = after
@@ -160,6 +178,24 @@ class _Sweep:
                           + verbatim(self._bodies.called_at(deepest.shape)))
         return (self._between(leg, one, middle, bends, halvings - 1)
                 or self._between(leg, middle, other, bends, halvings - 1))
+
+    def _strained(self, leg: Leg, one: _Look, other: _Look, halvings: int) -> Margin | None:
+        """Return the Margin of a force or moment that is broken between two Looks, or None."""
+        middle, jumped = self._middle(leg, one, other)
+        if middle is None:
+            return jumped
+        ends, there = [largest_wrench(look.shape) for look in (one, other)], largest_wrench(
+            middle.shape)
+        limits = self._demands.wrench_limits
+        broken = violated(wrench_margins(limits, there))
+        if broken is not None:
+            return broken._replace(words='on the way there ' + broken.words)
+        bulge = np.abs(ends[0] + ends[1] - 2 * there) / 8  # of each half, of a parabola
+        most = np.max([*ends, there], axis=0) + _DOUBTED * bulge
+        if not halvings or violated(wrench_margins(limits, most)) is None:
+            return None
+        return (self._strained(leg, one, middle, halvings - 1)
+                or self._strained(leg, middle, other, halvings - 1))
 
     def _middle(self, leg: Leg, one: _Look, other: _Look) -> tuple[_Look | None, Margin | None]:
         """Return the Look half way between two and None, or None and what a jump breaks."""

@@ -3,9 +3,9 @@
 """Tasks as YAML, and their plans as the parameters ask for them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -103,6 +103,14 @@ def _places(kind: object) -> list[tuple[str, bool, bool]]:
             for name, (held, several) in value_fields(task).items() if held in (Pose, CutOut)]
 
 
+def _given_places(content: Mapping[str, Any]) -> list[tuple[str, bool, bool]]:
+    """Return those of an open task, without what it may leave out and does."""
+    optional = {item.name for task in classes_below(Task) if task.__name__ == content.get('type')
+                for item in fields(cast('Any', task)) if item.default is not MISSING}
+    return [one for one in _places(content.get('type'))
+            if one[0] not in optional or content.get(one[0])]
+
+
 def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: float | None = None,
                name: str = 'task') -> Task:
     """Return the task of an open one."""
@@ -127,7 +135,7 @@ def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: flo
             cutout['radius'] = radius
         return cutout
 
-    for field, several, bare in _places(content.get('type')):
+    for field, several, bare in _given_places(content):
         given = content.get(field)
         moved[field] = [placed(one, bare) for one in given or ()] if several else placed(
             given, bare)
@@ -139,7 +147,7 @@ def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: flo
 def _poses_in(content: Mapping[str, Any], name: str) -> list[Pose | None]:
     """Return the poses of an open task's places, None for one that is left out."""
     found: list[Pose | None] = []
-    for field, several, bare in _places(content.get('type')):
+    for field, several, bare in _given_places(content):
         given = content.get(field)
         if several and not (isinstance(given, list) and given):
             raise InvalidTask(f'{name}.{field} = {shown(given)}: expected a list of them')
@@ -157,7 +165,7 @@ def poses_of(task: Task) -> tuple[Pose, ...]:
     for field, several, _ in _places(type(task).__name__):
         places = getattr(task, field)
         found += [one if isinstance(one, Pose) else one.pose
-                  for one in (places if several else [places])]
+                  for one in (places if several else [places]) if one is not None]
     return tuple(found)
 
 

@@ -19,10 +19,9 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.continuation import GivenPoses, Passing, Step
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.model.checks import instance, items, number, shown
-from dlo_planner.model.holds import FarEnd, Hold, Holds, holds_of
+from dlo_planner.model.holds import FarEnd, Hold, Holds, alike, holds_of
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
-from dlo_planner.model.value import same as equal
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import SURELY_STABLE, same
@@ -32,6 +31,7 @@ from dlo_planner.plan.waypoint import Waypoint
 _LONGEST = 0.1        # of the length, and
 SHARPEST = 0.15       # rad: between two waypoints
 _UNEVEN = 0.1         # of a motion: what it may leave an even one in its middle
+_SAME = 1e-6          # m, of 1 m or of the length, and rad: holds that are nearer are one
 _HALVINGS = 8         # of the way between two waypoints where the DLO is hardly stable
 
 
@@ -55,8 +55,12 @@ def straight(one: Grips, other: Grips, length: float) -> list[Grips]:
 
 
 def held_as_said(initial: Shape | None, holds: Holds) -> None:
-    """Raise InvalidTask unless `initial` is held by exactly these Holds, if there is one."""
-    if initial is not None and not equal(initial.holds, holds):
+    """Raise InvalidTask unless `initial`, if there is one, is held where these Holds are."""
+    if initial is None:
+        return
+    if not alike(initial.holds, holds) or any(
+            np.abs(one.pose.matrix - other.pose.matrix).max() > _SAME * max(1.0, initial.s[-1])
+            for one, other in zip(initial.holds, holds, strict=True)):
         raise InvalidTask(f'initial is held by {shown(initial.holds)}: expected a Shape that is '
                           f'held as the task says, {shown(holds)}')
 
@@ -146,8 +150,8 @@ class MoveTo(Task):
         Largest force that the gripper, and what else holds the DLO, may exert, N. If None, any.
     max_moment : float or None
         The same for the moment, N m.
-    far_ends : tuple of Pose or None
-        Where the far end is held at each of the `poses`. If None, its grip stands still.
+    far_ends : tuple of Pose
+        Where the far end is held at each of the `poses`. If empty, its grip stands still.
     holds : tuple of Hold
         What else holds the DLO, standing still.
 
@@ -163,13 +167,13 @@ class MoveTo(Task):
     far_end: FarEnd | None = None
     max_force: float | None = None
     max_moment: float | None = None
-    far_ends: tuple[Pose, ...] | None = None
+    far_ends: tuple[Pose, ...] = ()
     holds: tuple[Hold, ...] = ()
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, poses: Iterable[Pose], far_end: FarEnd | None = None,
                      max_force: float | None = None, max_moment: float | None = None,
-                     far_ends: Iterable[Pose] | None = None,
+                     far_ends: Iterable[Pose] = (),
                      holds: Iterable[Hold] = ()) -> None: ...
 
     def __post_init__(self) -> None:
@@ -178,8 +182,8 @@ class MoveTo(Task):
         put(self, max_force=limit('max_force', self.max_force),
             max_moment=limit('max_moment', self.max_moment),
             holds=items('holds', self.holds, Hold))
-        if self.far_ends is not None:
-            put(self, far_ends=items('far_ends', self.far_ends, Pose))
+        put(self, far_ends=items('far_ends', self.far_ends, Pose))
+        if self.far_ends:
             if self.far_end is None:
                 raise InvalidTask(f'far_end = None: expected the FarEnd that far_ends = '
                                   f'{shown(self.far_ends)} move')
@@ -195,8 +199,9 @@ class MoveTo(Task):
         grips, stops = [Grips(start, holds_of(self.far_end, self.holds, length))], list[int]()
         held_as_said(context.initial, grips[0].holds)
         for k, pose in enumerate(self.poses):
-            end = self.far_end if self.far_end is None or self.far_ends is None else (
-                FarEnd(self.far_ends[k], self.far_end.grip))
+            end = self.far_end
+            if end is not None and self.far_ends:
+                end = FarEnd(self.far_ends[k], end.grip)
             grips += straight(grips[-1], Grips(pose, holds_of(end, self.holds, length)), length)
             stops.append(len(grips) - 1)
         return led(context, grips, replace(
