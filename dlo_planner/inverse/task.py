@@ -136,10 +136,14 @@ class Task(Value, ABC):
         Whether plans of the class mean to touch the simulator's obstacles; if not, they avoid them.
     takes_initial : ClassVar
         Whether plans of the class depend on the present shape, `initial`.
+    takes_held : ClassVar
+        Whether plans of the class may begin with a DLO that more than the gripper holds, as
+        `initial` says then.
     """
 
     touches: ClassVar[bool] = False
     takes_initial: ClassVar[bool] = False
+    takes_held: ClassVar[bool] = False
 
     @abstractmethod
     def solve(self, context: PlanContext) -> Plan:

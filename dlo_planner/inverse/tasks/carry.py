@@ -89,6 +89,7 @@ class Carry(Task):
     """
 
     takes_initial: ClassVar[bool] = True
+    takes_held: ClassVar[bool] = True
 
     to: Pose
     far_end_to: Pose | None = None

@@ -162,6 +162,7 @@ class MoveTo(Task):
     """
 
     takes_initial: ClassVar[bool] = True
+    takes_held: ClassVar[bool] = True
 
     poses: tuple[Pose, ...]
     far_end: FarEnd | None = None
