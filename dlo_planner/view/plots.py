@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from itertools import cycle
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,7 @@ from dlo_planner.model.checks import choice, instance, number, shown
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
-from dlo_planner.view.colors import COLORINGS, GRAY, VERMILION, Coloring, coloring, viridis
+from dlo_planner.view.colors import COLORINGS, GRAY, ORANGE, VERMILION, Coloring, coloring, viridis
 from dlo_planner.view.mpl import Frame, Stage, draw, matplotlib
 from dlo_planner.view.primitives import Primitive
 from dlo_planner.view.scene import contact_primitives, hold_primitives, path_primitives
@@ -68,8 +69,11 @@ def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
                  for k, tint in enumerate(tracks.values())]
     else:
         tracks = {'gripper': VERMILION} if len(value) > 1 else {}
-        path = path_primitives(value.grippers, _TICK * stage.length) if tracks else []
-        lines = [*(replace(one, color=VERMILION) for one in path), *contact_primitives(shapes[-1])]
+        ways = {'gripper': value.grippers, **value.arms} if tracks else {}
+        tracks = dict(zip(ways, cycle((VERMILION, _TIP, ORANGE)), strict=False))
+        lines = [*(replace(one, color=tracks[name]) for k, (name, poses) in enumerate(ways.items())
+                   for one in path_primitives(poses, _TICK * stage.length, k)),
+                 *contact_primitives(shapes[-1])]
     _show(frame, stage, dlo + lines, [shapes[0].gripper, shapes[-1].gripper])
     frame.color_bar(top, label)
     if tracks:

@@ -30,6 +30,7 @@ from dlo_planner.model.holds import (
     holds_of,
     place_of,
     posed,
+    spans_of,
     unreached,
 )
 from dlo_planner.model.pose import Pose
@@ -264,8 +265,11 @@ class _Search:
         for name, grips in (('start', self._begin), ('goal', self._end)):
             said = unreached(grips.holds, grips.gripper, self._length, loaded)
             if said:
+                missing = max(span.distance - span.length for span in spans_of(
+                    grips.holds, grips.gripper, self._length))
                 raise Infeasible(f'at the {name} the DLO would be too short: {said}', 0,
-                                 'equilibrium', 0.0, PlanBuilder([0.0], self._silent).partial())
+                                 'equilibrium', max(missing, 0.0),
+                                 PlanBuilder([0.0], self._silent).partial())
 
     def _refusal(self, best: Infeasible) -> Infeasible:
         """Return why there is no way: the goal itself breaks a demand, or all ways do."""
