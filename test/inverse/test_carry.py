@@ -134,6 +134,45 @@ def test_what_is_between_two_waypoints_is_seen():
                for shape in free.shapes)
 
 
+def test_the_clearance_is_kept_between_two_waypoints():
+    shapes = InverseSimulator(simulator()).plan(carry(), start=BEGIN[0]).shapes
+    place = 0.5 * (shapes[2].positions[16] + shapes[3].positions[16]) - [0, 0, 0.02]
+    inverse = InverseSimulator(simulator(Sphere(place, 0.005, name='ball')))
+    task = carry(clearance=0.03)
+    straight = MoveTo([END[0]], FarEnd(BEGIN[1]), far_ends=[END[1]])
+    near = inverse.plan(straight, start=BEGIN[0])
+    assert near.clearance.min() > 0.03  # at the waypoints
+    plan = inverse.plan(task, start=BEGIN[0])
+    ways = closely(plan)
+    followed = simulator().track(ways[0], far_ends=[FarEnd(pose) for pose in ways[1]])
+    assert min(np.linalg.norm(shape.positions_at(np.linspace(0, 1, 301)) - place, axis=1).min()
+               for shape in followed) > 0.03 + 0.005 + ROD.radius - 1e-4
+    assert plan.stops  # round it, not by it
+
+
+def test_limits_are_kept_between_two_waypoints():
+    # both ends turn towards each other and away again within one step
+    poses = Pose((-0.3, 0.0, 0.6), AHEAD), Pose((-0.3, 0.07, 0.6), AHEAD)
+    ends = Pose((0.3, 0.07, 0.6), AHEAD), Pose((0.3, 0.0, 0.6), AHEAD)
+    inverse = InverseSimulator(simulator())
+
+    def moved(limit):
+        return inverse.plan(MoveTo([poses[1]], FarEnd(ends[0]), max_moment=limit,
+                                   far_ends=[ends[1]]), start=poses[0])
+
+    free = moved(None)
+    assert len(free) == 2
+    grippers, others = closely(free, 21)
+    shapes = simulator().track(grippers, far_ends=[FarEnd(pose) for pose in others])
+    moments = [max(np.linalg.norm(wrench[3:]) for wrench in (one.gripper_wrench, one.far_wrench))
+               for one in shapes]
+    most, at_ends = max(moments), max(moments[0], moments[-1])
+    assert most > at_ends + 1e-4
+    with pytest.raises(Infeasible, match='on the way there a grip would exert .* max_moment'):
+        moved(0.5 * (most + at_ends))
+    assert len(moved(most + 1e-3)) == 2
+
+
 def test_the_slowest_arm_makes_the_times():
     task = MoveTo([BEGIN[0]], FarEnd(BEGIN[1]), far_ends=[Pose((0.3, -0.1, 0.6), AHEAD)])
     plan = InverseSimulator(simulator()).plan(task, start=BEGIN[0])
