@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random carries of a cable between two grips, past a box and a post above a floor, judged apart.
 
-`python -m benchmarks.carries [COUNT] [SEED]` plans each by `Carry` and judges the way of both grips
-by itself: followed in small steps, distances by formulas of its own from points of the DLO, forces
-and moments at both grips, and no node that moves more in a step than what holds the DLO makes it.
-For a carry that is refused it looks whether a way over the obstacles exists: lifted, across,
-lowered, at any height, in such small steps.
+`python -m benchmarks.carries [COUNT] [SEED] [IN_ENGINE]` plans each by `Carry`, and judges the way
+of both grips by itself: followed in small steps, distances by formulas of its own from points of
+the DLO, forces and moments at both grips, and no node that moves more in a step than what holds
+the DLO makes it. For a carry that is refused it looks whether a way over the obstacles exists:
+lifted, across, lowered, at any height, in such small steps. The first IN_ENGINE plans with stops
+are moved through by a chain of 100 pieces in MuJoCo, at their own times (extra `cell`): forces of
+contacts, and how far it is off when it has come to rest.
 """
 
 from __future__ import annotations
@@ -41,6 +43,7 @@ _POINTS = 401      # of the DLO
 _HEIGHTS = np.arange(0.0, 0.85, 0.05)  # m, of the ways over that are tried where one is refused
 # m: a node that leaps; nodes go at most about three times as far as the grips in a step
 _LEAP = 8 * _STEP
+_PIECES, _REST = 100, 2.0  # of the chain in MuJoCo; s that it is given to come to rest
 _NEAR = 0.06       # m along the DLO: pieces that are nearer are neighbors
 
 
@@ -192,7 +195,30 @@ def planned(setting: Setting) -> tuple[Plan | None, str, float]:
     return plan, '', process_time() - begun
 
 
-def main(count: int = 40, seed: int = 7) -> None:
+def in_engine(setting: Setting, plan: Plan) -> str:
+    """Return in words what becomes of a plan in MuJoCo."""
+    from dlo_planner.cell.plant import Plant  # noqa: PLC0415  (an extra)
+
+    plant = Plant(ROD, setting.begin[0], setting.obstacles, cells=_PIECES, damping=0.05,
+                  far_end=FarEnd(setting.begin[1]))
+    s, last = np.linspace(0, ROD.length, 101), plan.shapes[-1]
+    begun = np.abs(plant.points(s) - plan.shapes[0].positions_at(s)).max()
+    u = np.linspace(*plan.times[[0, -1]], max(40, int(10 * plan.times[-1])))
+    ways = [[Pose.from_rotation(*frame) for frame in zip(*path.at(u), strict=True)]
+            for path in (plan.paths['gripper'], plan.paths['far_end'])]
+    fastest, before = 0.0, plant.points(s)
+    for gripper, end in zip(ways[0][1:], ways[1][1:], strict=True):
+        plant.move(gripper, u[1] - u[0], end)
+        after = plant.points(s)
+        fastest = max(fastest, np.linalg.norm(after - before, axis=1).max() / (u[1] - u[0]))
+        before = after
+    plant.move(ways[0][-1], _REST)
+    off = np.abs(plant.points(s) - last.positions_at(s)).max()
+    return (f'   MuJoCo: off by {begun:.4f} m at first, contacts {plant.largest_forces.max():.3g} '
+            f'N, fastest {fastest:.2f} m/s, off by {off:.4f} m after {_REST:g} s at the goal')
+
+
+def main(count: int = 40, seed: int = 7, engine: int = 0) -> None:
     """Print each carry, and a summary."""
     kept, refused, missed, seconds = 0, 0, 0, []
     for k, setting in enumerate(settings(count, seed)):
@@ -215,6 +241,9 @@ def main(count: int = 40, seed: int = 7) -> None:
               f'step {own.leap:.4f} m, {own.force:.2f} N (plan {plan.largest_force.max():.2f}), '
               f'{own.moment:.3f} N m (plan {plan.largest_moment.max():.3f}), end off {off:.1e} m',
               flush=True)
+        if engine and plan.stops:
+            engine -= 1
+            print(in_engine(setting, plan), flush=True)
     print(f'{count} carries: {count - refused} planned, {kept} of them kept everything; {refused} '
           f'refused, {missed} of them with a way over; CPU {np.median(seconds):.2f} s median, '
           f'{max(seconds):.2f} s at most')

@@ -4,7 +4,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -17,6 +17,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.plain_tasks import from_plain, to_plain
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number, row, shown
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.value import Value
@@ -139,11 +140,46 @@ class Task(Value, ABC):
     takes_held : ClassVar
         Whether plans of the class may begin with a DLO that more than the gripper holds, as
         `initial` says then.
+    threads : ClassVar
+        Whether the DLO passes its `passed` cut-outs freely, begun at a standoff before the first.
+    hangs_after : ClassVar
+        Whether the DLO hangs freely when it is done, as before.
+    deepest : ClassVar
+        Largest depth, of the length, where the task has `depths` that may be left open; None: it
+        has none.
+    grasps_inside : ClassVar
+        Whether a parameter may say that the gripper holds the DLO inside (`hold_at`).
     """
 
     touches: ClassVar[bool] = False
     takes_initial: ClassVar[bool] = False
     takes_held: ClassVar[bool] = False
+    threads: ClassVar[bool] = False
+    hangs_after: ClassVar[bool] = True
+    deepest: ClassVar[float | None] = None
+    grasps_inside: ClassVar[bool] = False
+
+    @property
+    def passed(self) -> tuple[CutOut, ...]:
+        """The cut-outs that the DLO passes, in their order, or the bore that it goes into."""
+        one = getattr(self, 'cutout', None) or getattr(self, 'bore', None)
+        return () if one is None else (one,)
+
+    @property
+    def held_inside(self) -> float | None:
+        """Where the gripper holds the DLO inside, m from its beginning; None: at its beginning."""
+        return None
+
+    @property
+    def outwards(self) -> Floats | None:
+        """(3,) away from an obstacle that the DLO is led straight onto; None: it is not."""
+        return None
+
+    def from_depths(self, depths: Floats) -> 'Task':
+        """Return the task at depths (n,), m, as it is planned again on the way."""
+        own: Any = self  # a dataclass that has them
+        task: Task = replace(own, depths=depths)
+        return task
 
     @abstractmethod
     def solve(self, context: PlanContext) -> Plan:

@@ -26,8 +26,6 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError, Infeasible, InvalidTask
 from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.inverse.task import Task
-from dlo_planner.inverse.tasks.insert import Insert
-from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of, threading_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
@@ -196,9 +194,10 @@ class PlanningServer(Part):
         """Plan, publish and return the trajectory of the tool frame as a Path."""
         self.store.change(lambda now: replace(now, task=task))
         begun, askers = monotonic(), self.askers()
-        if state.scene.grasped is None and isinstance(task, Thread | Insert) and task.hold_at:
+        if state.scene.grasped is None and task.held_inside:
             raise Refused(Cause.INVALID_PARAMETER, 'parameter rod.grasped_at = 0: expected '
-                          f'{task.hold_at:g}, where the task says that the gripper holds the DLO')
+                          f'{task.held_inside:g}, where the task says that the gripper holds the '
+                          'DLO')
         held = state.held_at(begun)
         if held is not None and not task.takes_held:
             raise Refused(Cause.FAR_END_HELD, 'far_end_pose: the far end is held: expected '

@@ -21,11 +21,8 @@ from dlo_planner.inverse.plain_tasks import (
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.approach import Approach
-from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
-from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.thread import Thread, trim_to_clearance
-from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
-from dlo_planner.inverse.tasks.thread_two import ThreadTwo
+from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.checks import did_you_mean, instance, shown
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.files import text_of, writable
@@ -192,7 +189,6 @@ def write_task(path: Path, task: Task) -> None:
     writable(path).write_text(task_to_yaml(task), encoding='utf-8')
 
 
-MOST_INSERTED = 0.99  # of the length, by `Insert`
 STANDOFF = 0.05       # of the length, where none is given
 
 
@@ -213,25 +209,23 @@ def _plan(inverse: InverseSimulator, task: Task, values: Values, start: Pose | N
           initial: Shape | None, miss: float | None, progress: OnProgress) -> Plan:
     length, standoff = inverse.simulator.rod.length, values['threading.standoff']
     task = held_as_stated(task, values['rod.grasped_at'])
-    free = length - ((task.hold_at or 0.0) if isinstance(task, Thread | Insert) else 0.0)
-    task = _with_depths(task, values, free)
+    task = _with_depths(task, values, length - (task.held_inside or 0.0))
     most = values['threading.max_misalignment']
     if isinstance(task, Thread) and task.max_misalignment is None and most >= 0:
         task = replace(task, max_misalignment=most)
     options: dict[str, Any] = {'progress': progress, 'requirements': replace(
         inverse.requirements, limits=limits_of(values), tolerance=miss,
         margin=values['threading.margin'] or None)}
-    if isinstance(task, HoldContact | SlideContact) and standoff and start is not None:
+    if task.outwards is not None and standoff and start is not None:
         return inverse.check(concatenate(*way_onto(
             inverse, task, start, standoff if standoff > 0 else STANDOFF * length,
             values['contacts.tolerance'], **options)))
-    threads = isinstance(task, Thread | ThreadTwo | ThreadSequence)
-    plan = inverse.plan(task, start=start, initial=initial if task.takes_initial and not threads
-                        else None, **options)
+    plan = inverse.plan(task, start=start, initial=initial if task.takes_initial and (
+        not task.threads) else None, **options)
     if len(plan) == 1 and start is not None:
         first = initial or inverse.simulator.track([start])[0]
         plan = inverse.plan(_From(first, plan, task.touches), start=start, **options)
-    elif isinstance(task, Thread | ThreadTwo | ThreadSequence):
+    elif task.threads:
         hole, clearance = cutouts_of(task)[0], values['threading.gripper_clearance']
         if clearance and getattr(task, 'gripper_clearance', None) is None:
             plan = inverse.check(trim_to_clearance(plan, hole, clearance, True))
@@ -258,14 +252,16 @@ def held_as_stated(task: Task, at: float) -> Task:
     """
     if not at:
         return task
-    if not isinstance(task, Thread):
+    if not task.grasps_inside:
         raise InvalidTask(f'parameter rod.grasped_at = {at:g}: expected 0 for the plan of a '
                           f'{type(task).__name__}: of a DLO that is grasped inside, a Thread alone '
                           'is planned')
-    if task.hold_at not in (None, at):
-        raise InvalidTask(f'hold_at = {task.hold_at:g}: expected none, or rod.grasped_at = {at:g}, '
-                          'where the gripper holds the DLO')
-    return replace(task, hold_at=at)
+    known, own = task.held_inside, cast('Any', task)  # a dataclass that has it
+    if known not in (None, at):
+        raise InvalidTask(f'hold_at = {known:g}: expected none, or rod.grasped_at = {at:g}, where '
+                          'the gripper holds the DLO')
+    held: Task = replace(own, hold_at=at)
+    return held
 
 
 def _with_depths(task: Task, values: Values, length: float) -> Task:
@@ -273,12 +269,13 @@ def _with_depths(task: Task, values: Values, length: float) -> Task:
 
     If it has none of its own.
     """
-    if not isinstance(task, Thread | ThreadTwo | ThreadSequence | Insert) or (
-            task.depths is not None):
+    own: Any = task  # a dataclass that has depths, if any
+    if task.deepest is None or own.depths is not None:
         return task
-    deepest = values['threading.deepest']
-    most = min(deepest, MOST_INSERTED) if isinstance(task, Insert) else deepest
-    return replace(task, depths=np.linspace(0.0, most * length, values['threading.waypoints']))
+    most = min(values['threading.deepest'], task.deepest)
+    complete: Task = replace(own, depths=np.linspace(0.0, most * length,
+                                                     values['threading.waypoints']))
+    return complete
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -356,6 +356,9 @@ class Thread(Task):
     """
 
     takes_initial: ClassVar[bool] = True
+    threads: ClassVar[bool] = True
+    deepest: ClassVar[float | None] = 1.0
+    grasps_inside: ClassVar[bool] = True
 
     cutout: CutOut
     depths: Floats | None = None
@@ -403,6 +406,16 @@ class Thread(Task):
         except Infeasible as error:
             error.advise = partial(advice, free, task, most)
             raise
+
+    @property
+    def held_inside(self) -> float | None:
+        """Where the gripper holds the DLO inside, m; None: at its beginning."""
+        return self.hold_at
+
+    def from_depths(self, depths: Floats) -> Thread:
+        """Return the task at depths (n,), m: how obliquely it may pass stays what was asked for."""
+        return replace(self, depths=depths, method='coupled', gripper_clearance=None,
+                       as_deep_as_possible=False)
 
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan."""
