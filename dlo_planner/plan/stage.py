@@ -119,20 +119,18 @@ def moving(shapes: Sequence[Shape]) -> dict[str, tuple[Pose, ...]]:
         Two of them have the same name, or one is not there all the time.
     """
     found: dict[str, tuple[Pose, ...]] = {}
-    if not shapes or not any(shape.holds for shape in shapes):
-        return found
-    known: dict[str, list[Pose]] = {}
+    known: dict[tuple[str, float | None], list[Pose]] = {}  # by name and place
     for shape in shapes:
         for hold in shape.holds:
-            if hold.by == BORE:
-                continue
-            known.setdefault(arm_of(hold), []).append(hold.pose)
-    for name, poses in known.items():
+            if hold.by != BORE:
+                known.setdefault((arm_of(hold), hold.s), []).append(hold.pose)
+    names = [name for name, _ in known]
+    for (name, _), poses in known.items():
         if all(pose is poses[0] or same(pose, poses[0]) for pose in poses):
             continue
-        if len(poses) != len(shapes):
+        if len(poses) != len(shapes) or names.count(name) > 1:
             raise InvalidTask(f'Plan.shapes: the hold by {name!r} moves: expected exactly one of '
-                              f'that name at each waypoint, {len(shapes)} in all, got {len(poses)}')
+                              'that name at each waypoint')
         if name == GRIPPER:
             raise InvalidTask(f'Plan.shapes: a hold by {name!r} moves: expected another name than '
                               'that of the gripper itself')

@@ -231,7 +231,7 @@ def test_what_makes_no_sense_is_said():
     with pytest.raises(InvalidTask, match="expected the grip 'pinned'"):
         inverse.plan(carry(holds=pinned, holds_to=[Hold(END[0], s=0.5)]), start=BEGIN[0])
     twice = [Hold(one.pose, 'pinned', s, by='arm') for one in pinned for s in (0.4, 0.6)]
-    with pytest.raises(InvalidTask, match='moved by arm, arm, far_end: expected an arm of its own'):
+    with pytest.raises(InvalidTask, match='held by arm, arm, far_end: expected a name of its own'):
         inverse.plan(carry(holds=twice, holds_to=twice), start=BEGIN[0])
     with pytest.raises(InvalidTask, match='expected none of the tip'):
         carry(holds_to=[FarEnd(END[1])])

@@ -141,3 +141,12 @@ def test_an_arm_has_one_name_and_holds_all_the_time():
     gone = replace(plan, shapes=(*plan.shapes[:2], *let_go))
     with pytest.raises(InvalidTask, match="the hold by 'far_end' moves: expected exactly one"):
         moving(gone.shapes)
+    # two clips of one name that stand still are none that moves; one of them may not
+    clips = [Hold(Pose((x, 0.0, -0.1), (0, 0, 0, 1)), 'pinned', s, by='clip')
+             for x, s in ((0.3, 0.35), (0.5, 0.6))]
+    still = INVERSE.simulator.track([START, THERE], holds=clips)
+    assert moving(still) == {}
+    led = [clips[0], Hold(Pose((0.5, 0.05, -0.1), (0, 0, 0, 1)), 'pinned', 0.6, by='clip')]
+    moved = INVERSE.simulator.track([START, START], holds=[clips, led])
+    with pytest.raises(InvalidTask, match="the hold by 'clip' moves: expected exactly one"):
+        moving(moved)

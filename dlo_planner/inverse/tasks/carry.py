@@ -163,9 +163,10 @@ class Carry(Task):
         if goals:
             raise InvalidTask(f'holds_to: {goals[0]!r}: expected a place that is held at the '
                               f'beginning, one of {shown(begin.holds)}')
-        if len(set(moved)) < len(moved):
-            raise InvalidTask(f'holds_to: moved by {", ".join(moved)}: expected an arm of its own '
-                              'for each, by its name `Hold.by`')
+        names = [arm_of(hold) for hold in begin.holds]
+        if any(names.count(name) > 1 for name in moved):
+            raise InvalidTask(f'holds_to: held by {", ".join(names)}: expected a name of its own, '
+                              '`Hold.by`, for each arm that moves')
         return Grips(self.to, tuple(holds))
 
 
