@@ -8,11 +8,6 @@ python examples/carry.py [folder]
 import sys
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use('Agg')
-from matplotlib import pyplot as plt  # noqa: E402  the backend has to be chosen first
-
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from dlo_planner import (  # noqa: E402
     Box,
@@ -48,9 +43,7 @@ def main():
     print(f'{motion.duration:.1f} s, swings by {report.swing * 1e3:.1f} mm, at the end by '
           f'{report.departure * 1e3:.1f} mm; forces at the grips {motion.motion.grip_force:.2f} N '
           'at most')
-    figure = plt.figure(figsize=(7, 6))
-    plan.plot(ax=figure.add_subplot(projection='3d'), obstacles=[box])
-    figure.savefig(folder / 'carry.png', dpi=100)
+    plan.plot(obstacles=[box]).savefig(folder / 'carry.png', dpi=100)
 
 
 if __name__ == '__main__':
