@@ -174,8 +174,14 @@ class _Way(NamedTuple):
     """A way that is found: n Grips, their Shapes, and the indices of its corners and ends."""
 
     grips: list[Grips]
-    shapes: list[Shape]
+    shapes: Sequence[Shape]
     corners: list[int]
+
+    @classmethod
+    def of(cls, shapes: Sequence[Shape], corners: Iterable[int]) -> _Way:
+        """Return the way through Shapes, with corners at these and at both ends."""
+        return cls([Grips(shape.gripper, shape.holds) for shape in shapes], shapes,
+                   sorted({0, *corners, len(shapes) - 1}))
 
 
 class _Search:
@@ -202,10 +208,8 @@ class _Search:
                 if best is None or _progress(error) > _progress(best):
                     best = error
                 continue
-            if height:
-                keys = self._shortened(keys, plan)
-            return replace(self._led(keys, self._demands, self._context.initial),
-                           starts=(('carry', 0),))
+            return replace(self._final(keys, plan) if height else self._led(
+                keys, self._demands, self._context.initial), starts=(('carry', 0),))
         assert best is not None  # the straight way is tried at least
         raise self._refusal(best)
 
@@ -223,14 +227,21 @@ class _Search:
         grips, corners = _through(keys, self._length)
         return led(self._context, grips, demands, corners[1:-1], first)
 
-    def _shortened(self, keys: Sequence[Grips], plan: Plan) -> list[Grips]:
-        """Return corners of a shorter way that ends in the same shapes; `plan` goes through `keys`.
+    def _final(self, keys: Sequence[Grips], plan: Plan) -> Plan:
+        """Return the Plan through corners `keys`, shortened, as it is handed out."""
+        for corners in (self._shortened(plan), keys):
+            try:
+                return self._led(corners, self._demands, self._context.initial)
+            except Infeasible as error:  # its waypoints are others than those of its pieces
+                refused = error
+        raise refused
+
+    def _shortened(self, plan: Plan) -> list[Grips]:
+        """Return the corners of a shorter way than that of `plan`, with the same shapes at its end.
 
         Each corner is cut off, from a waypoint before it to one behind it.
         """
-        grips, corners = _through(keys, self._length)
-        way = _Way(grips, list(plan.shapes), corners)
-        k = 1
+        way, k = _Way.of(plan.shapes, plan.stops), 1
         while k < len(way.corners) - 1:
             cut = next(filter(None, (self._cut(way, k, part) for part in _CUTS)), None)
             if cut is None:
@@ -254,11 +265,9 @@ class _Search:
             return None
         if apart(plan.shapes[-1], way.shapes[j]) > _BRANCH * self._length:
             return None
-        grips, _ = _through([one, other], self._length)
-        later = i + len(grips) - 1 - j
-        corners = [*way.corners[:k], i, j + later, *(c + later for c in way.corners[k + 1:])]
-        return _Way([*way.grips[:i], *grips, *way.grips[j + 1:]],
-                    [*way.shapes[:i], *plan.shapes, *way.shapes[j + 1:]], sorted(set(corners)))
+        later = i + len(plan) - 1 - j
+        corners = [*way.corners[1:k], i, j + later, *(c + later for c in way.corners[k + 1:-1])]
+        return _Way.of([*way.shapes[:i], *plan.shapes, *way.shapes[j + 1:]], corners)
 
     def _check_reach(self) -> None:
         """Raise Infeasible where neighbors are out of reach of each other, before or after."""

@@ -18,6 +18,7 @@ from dlo_planner.direct.statics import Grips, between
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.continuation import GivenPoses, Passing, Step
 from dlo_planner.inverse.task import PlanContext, Task
+from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.holds import FarEnd, Hold, Holds, alike, holds_of
 from dlo_planner.model.pose import Pose, angle_between
@@ -103,13 +104,14 @@ def _followed(simulator: DirectSimulator, before: Shape, goal: Grips, halvings: 
     Near the loss of stability there are two shapes close to each other, and a long step may lead
     to that in which the DLO does not come: steps are halved until the stability is halved at most
     from each to the next, half a step leads to the same, and the DLO moves evenly. Where it does
-    not follow the last one is not `converged`, or has `jumped`.
+    not follow the last one is not `converged`, or has `jumped`. What is neutral is so everywhere:
+    that is the demand on stability to judge.
     """
     here = Grips(before.gripper, before.holds)
     middle = here.towards(goal, 0.5)
     after, = simulator.track([goal.gripper], initial=before, holds=goal.holds)
     least = min(before.stability, after.stability)
-    if not after.converged or after.jumped or least > SURELY_STABLE:
+    if not after.converged or after.jumped or not NEUTRAL < least < SURELY_STABLE:
         return [after]
     halved, again = simulator.track([middle.gripper, goal.gripper], initial=before,
                                     holds=[middle.holds, goal.holds])
