@@ -116,7 +116,7 @@ def test_where_the_dlo_is_hardly_stable_it_is_not_led_into_another_shape():
     setting = list(settings(6, 7))[5]
     plan, why, _ = planned(setting)
     assert plan is None and 'stability' in why
-    assert 'neither the straight way nor one lifted by 0.1, 0.2, 0.3, 0.45, 0.6 m' in why
+    assert 'neither the straight way nor one lifted by 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1 m' in why
 
 
 def test_what_is_between_two_waypoints_is_seen():

@@ -43,7 +43,7 @@ from dlo_planner.plan.stage import arm_of
 from dlo_planner.plan.waypoint import Waypoint
 
 # of the length: heights by which all is lifted, one after the other
-_HEIGHTS = 0.1, 0.2, 0.3, 0.45, 0.6
+_HEIGHTS = 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0
 _BRANCH = 1e-5   # of the length: two shapes in the same grips that are nearer are one
 # a shortcut is taken that leaves out at least this part of the way it replaces: less is not worth
 # another corner, at which all arms stop
