@@ -21,6 +21,7 @@ from dlo_planner import (
     Rod,
 )
 from dlo_planner.model.holds import BORE
+from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import PlanStatus, concatenate, truncate
 from dlo_planner.plan.stage import arm_of, moving
 from dlo_planner.tasks import MoveTo
@@ -78,6 +79,22 @@ def test_all_arms_go_by_one_parameter_and_stop_together():
         np.testing.assert_allclose(rotation[0], plan.far_end_poses[k].rotation, atol=1e-15)
     with pytest.raises(InvalidTask, match="name = 'left': expected one of"):
         path.arm('left')
+
+
+def test_all_arms_stop_where_one_of_them_begins_or_turns():
+    times = np.arange(5.0)
+    grippers = [Pose((0.1 * u, 0.0, 0.0), (0, 0, 0, 1)) for u in times]
+
+    def legs(ends):
+        arms = {'far_end': [Pose((0.7, *place), (0, 0, 0, 1)) for place in ends]}
+        return [leg.knots.tolist() for leg in GripperPath.through(
+            grippers, times, 1.0, arms=arms).legs]
+
+    straight = [(0.05 * u, 0.0) for u in times]
+    assert legs(straight) == [[0, 1, 2, 3, 4]]
+    assert legs([(0.0, 0.0), *straight[:-1]]) == [[0, 1], [1, 2, 3, 4]]
+    assert legs([*straight[:3], *[straight[2]] * 2]) == [[0, 1, 2], [2, 3, 4]]
+    assert legs([*straight[:3], straight[1], straight[0]]) == [[0, 1, 2], [2, 3, 4]]
 
 
 def test_the_wrenches_of_all_grips_carry_the_weight():

@@ -22,8 +22,12 @@ from dlo_planner import (
     replay,
     robustness,
 )
+from dlo_planner.plan.path import GripperPath, Leg
 from dlo_planner.plan.plan import concatenate
 from dlo_planner.tasks import Carry, MoveTo
+from dlo_planner.trajectory.time_law import TimeLaw
+from dlo_planner.trajectory.timed_path import most_used
+from dlo_planner.trajectory.topp import fastest_rates
 
 ROD = Rod.circular(0.6, 0.008, 1500, 2e8, 0.4, damping=0.005)
 AHEAD = (0, 0, 0, 1)
@@ -76,6 +80,24 @@ def test_both_arms_keep_their_limits_and_end_together():
     assert trajectory.duration < 1.5 * carried().times[-1]
     assert used[1] > 0.9 > used[0]  # the far end is what takes the time
     np.testing.assert_allclose(poses[-1].matrix, END[1].matrix, atol=1e-9)
+
+
+def test_rates_and_bounds_are_those_of_the_arm_that_needs_them():
+    # the far end goes slowly at first, and three times as fast later
+    times = np.arange(5.0)
+    grippers = [Pose((0.0, 0.05 * u, 0.0), AHEAD) for u in times]
+    ends = [Pose((0.45, y, 0.0), AHEAD) for y in (0.0, 0.02, 0.04, 0.16, 0.31)]
+    both, = GripperPath.through(grippers, times, 0.6, arms={'far_end': ends}).legs
+    own, other = Leg(both.knots, both.positions, both.rotations), both.others[0]
+    places, rates = fastest_rates(both, QUICK)
+    later = 3 * len(rates) // 4
+    alone = [fastest_rates(leg, QUICK)[1][later] for leg in (own, other)]
+    # where the far end is fast both are as slow as that is
+    assert rates[later] == pytest.approx(alone[1], rel=1e-3) and alone[0] > 2 * alone[1]
+    assert rates[len(rates) // 4] > 2 * rates[later]
+    law = TimeLaw(places, rates, np.array([0.1]))
+    used = [most_used(leg, law, QUICK) for leg in (own, other)]
+    assert most_used(both, law, QUICK) == used[1] > 1.1 * used[0]
 
 
 def test_the_dlo_arrives_calm_between_both_arms():
