@@ -217,7 +217,8 @@ class _Search:
         """Return the corners of a way that lifts all that moves by a height, m; 0: straight."""
         if not height:
             return [self._begin, self._end]
-        still = [one.pose == other.pose for one, other in zip(
+        # those that the task does not list are the very same
+        still = [one is other for one, other in zip(
             self._begin.holds, self._end.holds, strict=True)]
         return [self._begin, *(_lifted(grips, height * self._up, still)
                                for grips in (self._begin, self._end)), self._end]
