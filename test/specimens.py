@@ -153,7 +153,7 @@ def arguments():
         'youngs_modulus': 1e9, 'shear_modulus': 4e8, 'poisson_ratio': 0.3, 'kind': 'round',
         'half_n': 0.01, 'half_b': 0.01, 'yield_stress': 1e6,
         'pose': LEVEL, 'position': (0.0, 0.0, 1.0), 'quaternion': (0.0, 0.0, 0.0, 1.0),
-        'to': LEVEL,
+        'to': LEVEL, 'MoveTo.far_ends': (), 'Trajectory.arm.name': 'gripper',
         'rotation': np.eye(3), 'matrix': np.eye(4), 'direction': (1.0, 0.0, 0.0), 'other': LEVEL,
         'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'center': (0, 0, 0),
         'radius': 0.01, 'start': LEVEL, 'end': (0.0, 0.0, 0.0), 'size': (1.0, 1.0, 1.0),

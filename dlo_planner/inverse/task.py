@@ -4,8 +4,9 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -149,6 +150,8 @@ class Task(Value, ABC):
         has none.
     grasps_inside : ClassVar
         Whether a parameter may say that the gripper holds the DLO inside (`hold_at`).
+    replanned : ClassVar
+        Attributes that are others where the task is planned again on the way, at other depths.
     """
 
     touches: ClassVar[bool] = False
@@ -158,6 +161,7 @@ class Task(Value, ABC):
     hangs_after: ClassVar[bool] = True
     deepest: ClassVar[float | None] = None
     grasps_inside: ClassVar[bool] = False
+    replanned: ClassVar[Mapping[str, Any]] = MappingProxyType({})
 
     @property
     def passed(self) -> tuple[CutOut, ...]:
@@ -174,12 +178,6 @@ class Task(Value, ABC):
     def outwards(self) -> Floats | None:
         """(3,) away from an obstacle that the DLO is led straight onto; None: it is not."""
         return None
-
-    def from_depths(self, depths: Floats) -> 'Task':
-        """Return the task at depths (n,), m, as it is planned again on the way."""
-        own: Any = self  # a dataclass that has them
-        task: Task = replace(own, depths=depths)
-        return task
 
     @abstractmethod
     def solve(self, context: PlanContext) -> Plan:

@@ -11,7 +11,7 @@ begin and end together. The parameter u of the path is the plan's own time. A ti
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,6 +25,7 @@ from dlo_planner.model.checks import array, choice
 from dlo_planner.model.holds import BORE
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
+from dlo_planner.plan.stage import GRIPPER
 
 if TYPE_CHECKING:
     from dlo_planner.plan.plan import Plan
@@ -208,8 +209,13 @@ class GripperPath(Value):
                    tuple(arms or ()))
 
     def arm(self, name: str) -> GripperPath:
-        """Return the path of one of the other `arms` alone, with the same legs."""
-        k = self.arms.index(choice('name', name, self.arms))
+        """Return the path of the 'gripper', or one of the other `arms`, alone, in the same legs."""
+        choice('name', name, (GRIPPER, *self.arms))
+        if not self.arms:
+            return self
+        if name == GRIPPER:
+            return GripperPath(self.times, tuple(replace(leg, others=()) for leg in self.legs))
+        k = self.arms.index(name)
         return GripperPath(self.times, tuple(leg.others[k] for leg in self.legs))
 
     def at(self, u: ArrayLike) -> tuple[Floats, Floats]:

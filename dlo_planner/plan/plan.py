@@ -286,7 +286,7 @@ class Plan(Filmed):
     def paths(self) -> dict[str, GripperPath]:
         """The path of the 'gripper', and that of each of the `arms`, by the same parameter."""
         path = GripperPath.of(self)
-        return {GRIPPER: path, **{name: path.arm(name) for name in path.arms}}
+        return {name: path.arm(name) for name in (GRIPPER, *path.arms)}
 
     @property
     def far_end_poses(self) -> tuple[Pose | None, ...]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from threading import Lock
 from time import monotonic
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -29,6 +29,7 @@ from dlo_planner.execute.loop_motions import LoopTask
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.estimator import DloEstimator
+from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
@@ -83,7 +84,8 @@ def _loop_task(made: PlanResult) -> LoopTask:
              if not passing[k]]
     standoff = given if given > 0 else float(max(stops, default=0.0)) or far
     # refuses what has no room
-    return LoopTask(scene.inverse, task.from_depths(depths), standoff, scene.limits).of_plan(plan)
+    again: Task = replace(cast('Any', task), depths=depths, **task.replanned)
+    return LoopTask(scene.inverse, again, standoff, scene.limits).of_plan(plan)
 
 
 def closed_loop_of(state: State, observing: DloEstimator | None,

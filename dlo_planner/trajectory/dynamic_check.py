@@ -32,7 +32,7 @@ from dlo_planner.plan.waypoint import length_of
 from dlo_planner.progress import Progress
 from dlo_planner.trajectory.modal_response import slowest_period_of
 from dlo_planner.trajectory.sliding_end import Feed, Instants, pushed
-from dlo_planner.trajectory.timed_path import TimedPath
+from dlo_planner.trajectory.timed_path import TimedPath, holds_in
 
 # figures of which the least is the worst
 _LEAST = ('clearance', 'calm_clearance', 'calm_gap', 'bend_margin')
@@ -171,7 +171,7 @@ def _figures(simulator: Simulator, plan: Plan, timed: TimedPath, first: Shape,
     times = instants(simulator, timed, first)
     grippers, reached = timed.poses(times), timed.progress(times)
     simulated = _simulated(simulator, plan, Instants(grippers, reached, times[1]), first, progress,
-                           calm, timed.holds(first.holds, times))
+                           calm, holds_in(timed, first.holds, times))
     obstacles = watched(simulator, plan, obstacles)
     passed, anything = any(plan.via_points), bool(plan.sheets or obstacles)
     if simulated is None:
@@ -217,7 +217,7 @@ def step_error(simulator: Simulator, plan: Plan, timed: TimedPath, first: Shape,
     if unplanned(simulator, plan):  # which it was seen to stay away from
         simulator = simulator.without_obstacles()
     finer = simulator.simulate(timed.poses(times), times[1], first, progress=progress.done,
-                               holds=timed.holds(first.holds, times))
+                               holds=holds_in(timed, first.holds, times))
     if not finer.converged:
         return np.inf
     missed = float(misses(plan, timed.progress(times), finer.shapes).max())
@@ -301,7 +301,7 @@ def calm_shapes(simulator: Simulator, plan: Plan, timed: TimedPath, first: Shape
         return None
     times = instants(simulator, timed, first)
     return simulator.track(timed.poses(times), progress.done, first,
-                           holds=timed.holds(first.holds, times))
+                           holds=holds_in(timed, first.holds, times))
 
 
 def _without_bore(simulator: Simulator, plan: Plan, instants: Instants, first: Shape,

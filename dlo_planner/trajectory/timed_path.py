@@ -20,7 +20,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.path import GripperPath, Leg
 from dlo_planner.plan.requirements import Limits
-from dlo_planner.plan.stage import holds_along
+from dlo_planner.plan.stage import GRIPPER, holds_along
 from dlo_planner.trajectory.time_law import TimeLaw
 from dlo_planner.trajectory.topp import fastest_rates
 
@@ -193,15 +193,22 @@ class TimedPath(Value):
         return [Pose.from_rotation(*frame) for frame in zip(*self.frames(times), strict=True)]
 
     def arm(self, name: str) -> TimedPath:
-        """Return the motion of one of the other arms, `path.arms`, at the same times."""
-        # what shifts the gripper aside, against vibrations, shifts no other arm
-        laws = tuple(law if law is None else replace(law, shift=None) for law in self.laws)
-        return TimedPath(self.path.arm(name), laws, self.limits)
+        """Return the motion of one arm alone, at the same times.
 
-    def holds(self, holds: Holds, times: ArrayLike) -> list[Holds]:
-        """Return what Holds are at `times` (n,) s: where their arms are, the others as given."""
-        arms = {name: self.arm(name).poses(times) for name in self.path.arms}
-        return holds_along(holds, arms, np.size(times))
+        Parameters
+        ----------
+        name : str
+            'gripper', or one of the other arms, `path.arms`.
+
+        Raises
+        ------
+        InvalidTask
+            There is no arm of this name.
+        """
+        path, laws = self.path.arm(name), self.laws
+        if name != GRIPPER:  # a shift against vibrations is that of the gripper
+            laws = tuple(law if law is None else replace(law, shift=None) for law in laws)
+        return TimedPath(path, laws, self.limits)
 
     def frames(self, times: ArrayLike) -> tuple[Floats, Floats]:
         """Return positions (n, 3) and rotations (n, 3, 3) of `poses`: many cost little more."""
@@ -245,6 +252,12 @@ class TimedPath(Value):
         times = np.clip(row('times', times, most=_MOST), 0, self.duration)
         which = np.minimum(np.searchsorted(self.starts[1:], times), len(self.laws) - 1)
         return which, times - self.starts[which]
+
+
+def holds_in(timed: TimedPath, holds: Holds, times: ArrayLike) -> list[Holds]:
+    """Return what Holds are at times (n,) s of a motion: where their arms are, the others stay."""
+    arms = {name: timed.arm(name).poses(times) for name in timed.path.arms}
+    return holds_along(holds, arms, np.size(times))
 
 
 def fastest_law(leg: Leg, limits: Limits) -> TimeLaw | None:
