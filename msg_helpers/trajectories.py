@@ -29,6 +29,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number, row
 from dlo_planner.model.pose import Pose, quaternions_of
+from dlo_planner.trajectory.timed_path import TimedPath
 from dlo_planner.trajectory.trajectory import Trajectory
 from msg_helpers.poses import (
     duration_msg,
@@ -94,14 +95,30 @@ def timed_trajectory(trajectory: Trajectory, number: int, tool: Pose, frame_id: 
     """Return `number` poses, velocities and accelerations of the tool frame at even times.
 
     All by world axes. `trajectory` is of the gripper frame, whose Pose in the tool frame is `tool`.
+    The other arms of the trajectory have a joint each, under their names: of the DLO's frame where
+    they hold it.
     """
     instance('trajectory', trajectory, Trajectory)
     number = integer('number', number, minimum=2, maximum=_MOST)
     instance('tool', tool, Pose)
     top = header(frame_id, instance('stamp', stamp, Time))
     times = np.linspace(0, trajectory.duration, number)
-    grippers, speeds, changes = trajectory.at(times)
-    poses = [gripper.compose(tool.inverse()) for gripper in grippers]
+    motions = [_moved(trajectory, times, tool.inverse()), *(
+        _moved(trajectory.arm(name), times, Pose.identity()) for name in trajectory.path.arms)]
+    points = [MultiDOFJointTrajectoryPoint(
+        transforms=[transform for transform, _, _ in joints],
+        velocities=[velocity for _, velocity, _ in joints],
+        accelerations=[acceleration for _, _, acceleration in joints],
+        time_from_start=duration_msg(time))
+        for time, joints in zip(times, zip(*motions, strict=True), strict=True)]
+    return MultiDOFJointTrajectory(header=top, joint_names=['gripper', *trajectory.path.arms],
+                                   points=points)
+
+
+def _moved(motion: TimedPath, times: Floats, tool: Pose) -> list[tuple[Transform, Twist, Twist]]:
+    """Return where a frame, `tool` in that of a motion, is at n times, how quick, and its rates."""
+    grippers, speeds, changes = motion.at(times)
+    poses = [gripper.compose(tool) for gripper in grippers]
     arms = np.array([pose.position - gripper.position
                      for pose, gripper in zip(poses, grippers, strict=True)])
     spins, turns = speeds[:, 3:], changes[:, 3:]
@@ -110,16 +127,11 @@ def timed_trajectory(trajectory: Trajectory, number: int, tool: Pose, frame_id: 
     velocities = speeds[:, :3] + swing
     accelerations = changes[:, :3] + np.cross(turns, arms) + np.cross(spins, swing)
     quaternions = quaternions_of(np.array([pose.rotation for pose in poses]))
-    points = [MultiDOFJointTrajectoryPoint(
-        transforms=[Transform(translation=_vector(pose.position),
-                              rotation=_quaternion(quaternion))],
-        velocities=[Twist(linear=_vector(velocity), angular=_vector(spin))],
-        accelerations=[Twist(linear=_vector(acceleration), angular=_vector(turn))],
-        time_from_start=duration_msg(time))
-        for time, pose, quaternion, velocity, spin, acceleration, turn in zip(
-            times, poses, quaternions, velocities, spins, accelerations, turns, strict=True)]
-    return MultiDOFJointTrajectory(header=top, joint_names=['gripper'],
-                                   points=points)
+    return [(Transform(translation=_vector(pose.position), rotation=_quaternion(quaternion)),
+             Twist(linear=_vector(velocity), angular=_vector(spin)),
+             Twist(linear=_vector(acceleration), angular=_vector(turn)))
+            for pose, quaternion, velocity, spin, acceleration, turn in zip(
+                poses, quaternions, velocities, spins, accelerations, turns, strict=True)]
 
 
 def poses_ahead(times: ArrayLike, poses: Sequence[Pose], frame_id: str,

@@ -67,7 +67,7 @@ from dlo_planner.penalties import (
 )
 from dlo_planner.rods import GraspedInside, Piecewise, Section
 from dlo_planner.scene import Scene
-from dlo_planner.tasks import Approach, MoveTo, PlanStatus, Requirements
+from dlo_planner.tasks import Approach, Carry, MoveTo, PlanStatus, Requirements
 
 # For those who write tasks and penalties of their own: no values that are given or got.
 _OWN = {'PlanBuilder', 'PlanContext', 'Sensitivity', 'Task', 'Value', 'Waypoint', 'put',
@@ -125,7 +125,7 @@ def values():
     examples += [Thread(hole, DEPTHS), ThreadTwo(hole, FAR, DEPTHS), Insert(hole, DEPTHS),
                  ThreadSequence((hole, FAR), depths=DEPTHS), Approach(hole, plan.shapes[0], 0.05),
                  HoldContact(contact, 0.5), SlideContact(contact, [0.5]), Requirements(),
-                 Minimize(PositionAt(1.0, (0.9, 0, 0.9))), MoveTo([LEVEL]),
+                 Minimize(PositionAt(1.0, (0.9, 0, 0.9))), MoveTo([LEVEL]), Carry(LEVEL),
                  LayOnLine(LEVEL)]
     examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01),
                  Steered(Trajectory(plan, tolerance=np.inf), [1.0, 0.5, 0.1])]
@@ -153,6 +153,7 @@ def arguments():
         'youngs_modulus': 1e9, 'shear_modulus': 4e8, 'poisson_ratio': 0.3, 'kind': 'round',
         'half_n': 0.01, 'half_b': 0.01, 'yield_stress': 1e6,
         'pose': LEVEL, 'position': (0.0, 0.0, 1.0), 'quaternion': (0.0, 0.0, 0.0, 1.0),
+        'to': LEVEL, 'MoveTo.far_ends': (), 'Trajectory.arm.name': 'gripper',
         'rotation': np.eye(3), 'matrix': np.eye(4), 'direction': (1.0, 0.0, 0.0), 'other': LEVEL,
         'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'center': (0, 0, 0),
         'radius': 0.01, 'start': LEVEL, 'end': (0.0, 0.0, 0.0), 'size': (1.0, 1.0, 1.0),

@@ -25,10 +25,12 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.penalties import PositionAt, minimize_penalty
+from dlo_planner.tasks import Carry
 
 THIN = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 BENT = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.6, 0.4), radius=7.5e-4)
+SOFT = Rod.circular(1.0, 8e-3, 1500.0, 5e7, 0.4)
 ON_EDGE = Rod(1.0, 3.0, (1.0, 40.0), 0.5, natural_curvature=(-4.0, 0.0))
 FLAT = Rod(1.0, 1.8, (1.0, 100.0), 0.7)
 DEPTHS = np.linspace(0, 0.9, 7)
@@ -150,6 +152,15 @@ def end_brought_to_a_place(given, rod, basis):
                             given.pose((0, 0, 1))).gripper.matrix
 
 
+def carried(given, rod, basis):
+    box = Box(given.pose((0, 0, 0.3)), (0.4, 0.1, 0.6))
+    task = Carry(given.pose((-0.35, 0.3, 0.6)), given.pose((0.35, 0.3, 0.6)),
+                 far_end=FarEnd(given.pose((0.35, -0.3, 0.6))))
+    plan = InverseSimulator(DirectSimulator(rod, basis=basis, obstacles=[box])).plan(
+        task, start=given.pose((-0.35, -0.3, 0.6)))
+    return np.concatenate([of_plan(plan), *(pose.matrix.ravel() for pose in plan.far_end_poses)])
+
+
 TASKS = {
     'thin': (THIN, set_down), 'bent': (BENT, set_down),
     'on edge': (ON_EDGE, set_down), 'flat': (FLAT, set_down),
@@ -167,7 +178,7 @@ TASKS = {
     'hole along x': (WIRE, threaded((1, 0, 0))), 'hole along y': (WIRE, threaded((0, 1, 0))),
     'oblique hole': (WIRE, threaded((-1, 0.2, -0.5))), 'bent, hole': (BENT, threaded((1, 0.2, 0))),
     'two': (WIRE, through_two), 'start': (WIRE, brought_to_the_hole), 'bore': (WIRE, inserted),
-    'penalty': (WIRE, end_brought_to_a_place),
+    'penalty': (WIRE, end_brought_to_a_place), 'carry': (SOFT, carried),
 }
 
 

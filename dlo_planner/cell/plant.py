@@ -119,14 +119,20 @@ class Plant:
         self._damp(number('damping', damping, minimum=0))
         if far_end is not None:
             self._hold(far_end)
+        self._check_free()
         # (n,) N, sums of the sizes of each obstacle's contact forces, means over the
         # last `move`, as a sensor of that sampling time shows an impact; and the largest so far
         self.forces = np.zeros(len(self._obstacles))
         self.largest_forces = self.forces.copy()
 
-    def move(self, gripper: Pose, seconds: float) -> None:
-        """Move the gripper to a Pose in a time in s, evenly; the next call goes on from there."""
+    def move(self, gripper: Pose, seconds: float, far_end: Pose | None = None) -> None:
+        """Move the gripper to a Pose in a time in s, evenly; the next call goes on from there.
+
+        `far_end`: where the grip of the far end goes meanwhile, as evenly; None: it stays.
+        """
         instance('gripper', gripper, Pose)
+        if instance('far_end', far_end, Pose, optional=True) and not self._model.neq:
+            raise InvalidTask(f'far_end = {far_end!r}: expected none, the far end is free')
         seconds = number('seconds', seconds, above=0)
         begin, end = self._held, self._holding(gripper, self.time + seconds)
         turn = np.zeros(3)
@@ -137,10 +143,16 @@ class Plant:
         # in world axes and gripper axes, as the engine has it
         twist = np.concatenate([end[0] - begin[0], turn]) / seconds
         quaternion = begin[1].copy()
+        led = None if far_end is None else (Pose(
+            self._data.mocap_pos[0], np.roll(self._data.mocap_quat[0], -1)), far_end)
         for k in range(1, steps + 1):
             mujoco.mju_quatIntegrate(quaternion, twist[3:], seconds / steps)
             self._push(self.time + (k - 0.5) / steps * seconds)
             self._bend(self.time + k / steps * seconds)
+            if led is not None:
+                pose = nearer(*led, k / steps)
+                self._data.mocap_pos[0], self._data.mocap_quat[0] = (
+                    pose.position, np.roll(pose.quaternion, 1))
             self._advance(begin[0] + k / steps * (end[0] - begin[0]), quaternion, twist)
         if not np.abs(self._data.qvel).max() < _WILD:
             raise NotConverged(f'the motion of the DLO became unstable at {self.time:.3g} s')
@@ -261,7 +273,9 @@ class Plant:
         data.qvel[:] = 0
         model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         mujoco.mj_forward(model, data)
-        if data.ncon:
+
+    def _check_free(self) -> None:
+        if self._data.ncon:
             raise InvalidTask(f'gripper = {self.measured!r}: expected a DLO that hangs freely, it '
                               'touches an obstacle there')
 

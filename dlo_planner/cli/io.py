@@ -207,6 +207,8 @@ def joints_of(given: Iterable[str]) -> dict[str, float]:
 PICTURES, FILMS, VALUES = ('.png', '.svg', '.pdf'), ('.gif', '.mp4'), ('.npz', '.json')
 POSES = ('.poses.yaml', '.poses.json')
 SCENES = ('.scene', '.xml')
+_PLACED = (*'xyz', 'qx', 'qy', 'qz', 'qw')  # columns of a table
+_MOVED = (*_PLACED, 'vx', 'vy', 'vz', 'wx', 'wy', 'wz')
 _DPI = 150
 
 Writable = Shape | Plan | Motion | ValidationReport | Trajectory
@@ -248,12 +250,19 @@ def write(value: Writable, outputs: Iterable[Path], rate: float = 50.0, **drawn:
 
 
 def _write_motion(trajectory: Trajectory, outputs: Iterable[Path], rate: float) -> None:
-    """Write the gripper's motion, poses at even times: .csv, .json, or the poses alone."""
+    """Write the gripper's motion, poses at even times: .csv, .json, or the poses alone.
+
+    Columns of the other arms have their names before them.
+    """
     times = np.linspace(0.0, trajectory.duration, max(2, round(trajectory.duration * rate) + 1))
     poses, velocities, _ = trajectory.at(times)
-    head = ('time', *'xyz', 'qx', 'qy', 'qz', 'qw', 'vx', 'vy', 'vz', 'wx', 'wy', 'wz')
-    rows = np.column_stack([times, [[*pose.position, *pose.quaternion] for pose in poses],
-                            velocities])
+    head: tuple[str, ...] = ('time', *_MOVED)
+    columns = [times[:, None], _rows_of(poses), velocities]
+    for name in trajectory.path.arms:
+        places, speeds, _ = trajectory.arm(name).at(times)
+        head += tuple(f'{name} {column}' for column in _MOVED)
+        columns += [_rows_of(places), speeds]
+    rows = np.hstack(columns)
     for path in outputs:
         if path.name.lower().endswith(POSES):
             write_poses(path, poses)
@@ -263,6 +272,11 @@ def _write_motion(trajectory: Trajectory, outputs: Iterable[Path], rate: float) 
         else:
             write_table(path, head, rows.tolist())
         click.echo(f'wrote {path}: {trajectory.duration:.4g} s')
+
+
+def _rows_of(poses: Iterable[Pose]) -> Floats:
+    """Return (n, 7) positions in m and quaternions of n Poses."""
+    return np.array([[*pose.position, *pose.quaternion] for pose in poses])
 
 
 def write_table(path: Path, head: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
@@ -307,10 +321,10 @@ def _table(value: Shape | Plan | Motion | ValidationReport,
                 np.column_stack([value.s, value.positions, quaternions, value.strains,
                                  _inside(value)]).tolist())
     if isinstance(value, Plan):
-        poses = [[*pose.position, *pose.quaternion] for pose in value.grippers]
-        return (('time', 'depth', *'xyz', 'qx', 'qy', 'qz', 'qw', 'miss', 'misalignment',
-                 'clearance', 'stability', 'residual'),
-                np.column_stack([value.times, value.depths, poses, value.position_error,
-                                 value.misalignment,
-                                 value.clearance, value.stability, value.residual]).tolist())
+        arms = [_rows_of(poses) for poses in value.arms.values()]
+        return (('time', 'depth', *_PLACED, 'miss', 'misalignment', 'clearance', 'stability',
+                 'residual', *(f'{name} {column}' for name in value.arms for column in _PLACED)),
+                np.column_stack([value.times, value.depths, _rows_of(value.grippers),
+                                 value.position_error, value.misalignment, value.clearance,
+                                 value.stability, value.residual, *arms]).tolist())
     return ('quantity', 'value', 'unit'), rows_of(value)

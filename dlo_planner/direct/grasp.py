@@ -18,7 +18,7 @@ from typing import Any, Self, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.boundary_motion import poses
+from dlo_planner.direct.boundary_motion import held_by, poses
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.self_passage import passed_between
@@ -154,9 +154,14 @@ class GraspedInside(Value):
         return _led(initial, self.joined(back, on))
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
-              initial: Shape | None = None, *, deadline: float | None = None) -> list[Shape]:
-        """Return the shapes along a slow motion; arguments as `DirectSimulator.track`."""
+              initial: Shape | None = None, *, holds: Iterable[Any] = (),
+              deadline: float | None = None) -> list[Shape]:
+        """Return the shapes along a slow motion; arguments as `DirectSimulator.track`.
+
+        Nothing else than the gripper may hold the DLO: `holds` has none.
+        """
         grippers = poses(grippers)
+        _held_by_none(holds, len(grippers), self.rod.length)
         steps = Progress(progress, deadline)
         before = self._before(initial)
         joined = []
@@ -177,15 +182,18 @@ class GraspedInside(Value):
                                    initial=self._before(initial)[0])
 
     def simulate(self, grippers: Iterable[Pose], dt: float,
-                 initial: Shape | Motion | None = None, *, velocity: ArrayLike | None = None,
-                 tolerance: float | None = None, integrator: str = 'generalized_alpha',
-                 progress: OnProgress = None, deadline: float | None = None) -> Motion:
+                 initial: Shape | Motion | None = None, *, holds: Iterable[Any] = (),
+                 velocity: ArrayLike | None = None, tolerance: float | None = None,
+                 integrator: str = 'generalized_alpha', progress: OnProgress = None,
+                 deadline: float | None = None) -> Motion:
         """Return the Motion of both parts; arguments as `DirectSimulator.simulate`.
 
         `velocity` is (N + 1, 3) of the nodes of `initial`, no function. Where one part cannot go
         on, the motion ends for both, and its message says which part it is. `tolerance` is for
-        each part.
+        each part. Nothing else than the gripper may hold the DLO: `holds` has none.
         """
+        grippers = poses(grippers, 1)
+        _held_by_none(holds, len(grippers), self.rod.length)
         steps, (backwards, forwards) = Progress(progress, deadline), _all_of(grippers)
         before: list[Shape | Motion | None] = [None, None]
         velocities: list[Floats | None] = [None, None]
@@ -313,6 +321,14 @@ def held_as(name: str, simulator: object, shape: Shape) -> Simulator:
 def grasped_at(shape: Shape) -> float | None:
     """Return the arc length (m) at which a Shape is grasped inside; None: held at its beginning."""
     return None if shape.parts is None else float(shape.parts[0].s[-1])
+
+
+def _held_by_none(holds: Iterable[Any], count: int, length: float) -> None:
+    """Raise InvalidTask where something holds a DLO of a length (m) beside the gripper inside."""
+    for there in held_by(None, holds, count, length):
+        if there:
+            raise InvalidTask(f'holds = {shown(there)}: expected none, the gripper alone holds a '
+                              'DLO that is grasped inside')
 
 
 def _both(gripper: Pose) -> tuple[Pose, Pose]:

@@ -31,10 +31,7 @@ from dlo_planner.inverse.held_inside import front_of
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.approach import Approach
-from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
-from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.move_to import MoveTo
-from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
@@ -122,8 +119,8 @@ class LoopTask:
         if not (self.touches or cutouts_of(self.task)):
             raise InvalidTask(f'task = {self.task!r}: expected one that passes cut-outs, goes into '
                               'a bore or touches an obstacle, there is nothing else to look for')
-        if isinstance(self.task, Insert) and self.task.hold_at:
-            raise InvalidTask(f'task.hold_at = {self.task.hold_at:g}: expected none for an '
+        if self.task.held_inside and not self.task.hangs_after:
+            raise InvalidTask(f'task.hold_at = {self.task.held_inside:g}: expected none for an '
                               'insertion, which is not simulated in motion with it')
         if self.touches and self.most_off is None:
             raise InvalidTask(f'task = {self.task!r}: expected most_off, by how much the DLO may '
@@ -136,17 +133,17 @@ class LoopTask:
     @property
     def touches(self) -> bool:
         """Whether it means to touch an obstacle."""
-        return isinstance(self.task, HoldContact | SlideContact)
+        return self.task.outwards is not None
 
     @property
     def hangs(self) -> bool:
         """Whether the DLO hangs freely from the entry on, too: it can be looked at as before."""
-        return not (self.touches or isinstance(self.task, Insert))
+        return self.task.hangs_after
 
     @property
     def hold_at(self) -> float | None:
         """Where the gripper holds the DLO inside, m: what is in front is estimated. None: not."""
-        return self.task.hold_at if isinstance(self.task, Thread) else None
+        return self.task.held_inside
 
     @cached_property
     def front(self) -> InverseSimulator:
@@ -259,7 +256,7 @@ class LoopTask:
                 simulator.obstacles, np.array([one.center for one in cutouts_of(self.task)])))
         inverse = InverseSimulator(simulator, workspace=known.workspace,
                                    allow_plastic=known.requirements.allow_plastic)
-        if isinstance(self.task, HoldContact | SlideContact):
+        if self.touches:
             return way_onto(inverse, self.task, start, standoff, self.room)
 
         def estimated(value: Any) -> Any:
@@ -276,14 +273,17 @@ class LoopTask:
                             start=start), through
 
 
-def way_onto(inverse: InverseSimulator, task: HoldContact | SlideContact, start: Pose,
+def way_onto(inverse: InverseSimulator, task: Task, start: Pose,
              standoff: float, room: float, **options: Any) -> tuple[Plan, Plan]:
     """Return the ways to the entry above a contact, and straight down onto it.
 
     The entry is `room` (m) above where the DLO begins to touch. The first way stops `standoff` (m)
     above the entry; 0: it begins at the entry already. The obstacle stands where it is stated.
     """
-    held, outwards = inverse.plan(task, start=start, **options), task.contact.rotation[:, 2]
+    held, outwards = inverse.plan(task, start=start, **options), task.outwards
+    if outwards is None:
+        raise InvalidTask(f'task = {task!r}: expected one that leads the DLO straight onto an '
+                          'obstacle, `Task.outwards`')
     (place, s, along), = held.via_points[0]
     simulator, onto, shape = inverse.simulator, held.grippers[0], held.shapes[0]
     step, height = _STEP * simulator.rod.length, 0.0

@@ -27,7 +27,7 @@ from dlo_planner.inverse.equilibria import Crossings, HangingShapes, crossings
 from dlo_planner.inverse.waypoint_newton import ORIGIN, Found, follow, free_axis, goal_shape
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.holds import FarEnd
+from dlo_planner.model.holds import Holds
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.model.value import freeze
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_accuracy, refusal_for_leap
@@ -369,15 +369,19 @@ def ahead(simulator: DirectSimulator, before: Passing, depths: Floats, goals: Go
 
 
 class GivenPoses(Family):
-    """The equilibria as the gripper goes from pose to pose; the depth is the next one's index."""
+    """The equilibria as the gripper goes from pose to pose; the depth is the next one's index.
+
+    `holds` are those at each of the poses.
+    """
 
     what = 'at the pose'
     longest = shortest = np.inf  # the direct simulation makes its own steps
     soft = True
 
     def __init__(self, simulator: DirectSimulator, poses: Sequence[Pose],
-                 far_end: FarEnd | None = None) -> None:
-        self.simulator, self.poses, self.far_end = simulator, poses, far_end
+                 holds: Sequence[Holds] | None = None) -> None:
+        self.simulator, self.poses = simulator, poses
+        self.holds = [()] * len(poses) if holds is None else holds
 
     def first(self, initial: Shape | None) -> Passing:
         """Return the Passing at the first pose, from a Shape or the natural one."""
@@ -408,8 +412,8 @@ class GivenPoses(Family):
         return None
 
     def _tracked(self, index: int, initial: Shape | None) -> Shape:
-        held = None if self.far_end is None else [self.far_end]
-        return self.simulator.track([self.poses[index]], initial=initial, far_ends=held)[0]
+        return self.simulator.track([self.poses[index]], initial=initial,
+                                    holds=self.holds[index])[0]
 
 
 class TwoPoints(Family):

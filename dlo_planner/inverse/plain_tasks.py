@@ -72,7 +72,8 @@ def to_plain(content: object) -> Any:
                 **{name: described(array) for name, array in flattened(tree).items()}}
     if isinstance(content, Value) and is_dataclass(content):
         return {_TYPE: type(content).__name__,
-                **{item.name: to_plain(getattr(content, item.name)) for item in fields(content)}}
+                **{item.name: to_plain(getattr(content, item.name))
+                   for item in fields(content) if item.init}}
     if isinstance(content, np.ndarray | np.generic):
         return content.tolist()
     if isinstance(content, FrozenDict):

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,6 +18,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.plain_tasks import from_plain, to_plain
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number, row, shown
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.value import Value
@@ -136,10 +138,46 @@ class Task(Value, ABC):
         Whether plans of the class mean to touch the simulator's obstacles; if not, they avoid them.
     takes_initial : ClassVar
         Whether plans of the class depend on the present shape, `initial`.
+    takes_held : ClassVar
+        Whether plans of the class may begin with a DLO that more than the gripper holds, as
+        `initial` says then.
+    threads : ClassVar
+        Whether the DLO passes its `passed` cut-outs freely, begun at a standoff before the first.
+    hangs_after : ClassVar
+        Whether the DLO hangs freely when it is done, as before.
+    deepest : ClassVar
+        Largest depth, of the length, where the task has `depths` that may be left open; None: it
+        has none.
+    grasps_inside : ClassVar
+        Whether a parameter may say that the gripper holds the DLO inside (`hold_at`).
+    replanned : ClassVar
+        Attributes that are others where the task is planned again on the way, at other depths.
     """
 
     touches: ClassVar[bool] = False
     takes_initial: ClassVar[bool] = False
+    takes_held: ClassVar[bool] = False
+    threads: ClassVar[bool] = False
+    hangs_after: ClassVar[bool] = True
+    deepest: ClassVar[float | None] = None
+    grasps_inside: ClassVar[bool] = False
+    replanned: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+
+    @property
+    def passed(self) -> tuple[CutOut, ...]:
+        """The cut-outs that the DLO passes, in their order, or the bore that it goes into."""
+        one = getattr(self, 'cutout', None) or getattr(self, 'bore', None)
+        return () if one is None else (one,)
+
+    @property
+    def held_inside(self) -> float | None:
+        """Where the gripper holds the DLO inside, m from its beginning; None: at its beginning."""
+        return None
+
+    @property
+    def outwards(self) -> Floats | None:
+        """(3,) away from an obstacle that the DLO is led straight onto; None: it is not."""
+        return None
 
     @abstractmethod
     def solve(self, context: PlanContext) -> Plan:

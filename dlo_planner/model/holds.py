@@ -25,6 +25,7 @@ from dlo_planner.model.value import Value, put
 
 GRIPS = ('clamped', 'pinned', 'sleeve', 'aligned')
 FIXTURE = 'fixture'
+BORE = 'bore'  # what holds at the mouth of a bore
 _SLACK = 1e-9  # of the length
 _APART = 1e-6  # of the length: the least distance of two holds, as what is between is an element
 _TIP = 1e-9    # of the length: what is nearer to the tip is there

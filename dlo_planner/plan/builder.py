@@ -8,6 +8,7 @@ Each waypoint is checked when it is added, the path between them when the plan i
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +27,7 @@ from dlo_planner.plan.plan import (
     times_at_speed,
     truncate,
 )
+from dlo_planner.plan.stage import moving
 from dlo_planner.plan.swept import violation_between
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.uncertainty.parameters import Uncertainty
@@ -53,7 +55,7 @@ class PlanBuilder:
         self.waypoints: list[Waypoint] = []
         self._rooms: list[float] = []  # of each, beside everything, m
         self._used: list[float] = []  # of the yield limits
-        self._initial, self._stops = initial, stops
+        self._initial, self._stops = initial, list(stops)
         self._depths: Floats = np.asarray(depths, dtype=float)
         self._demands, self._what = demands, what
 
@@ -78,6 +80,15 @@ class PlanBuilder:
         index = len(self.waypoints)
         return float(self._depths[index] - self._depths[index - 1]) if index else 0.0
 
+    def lengthen(self, count: int) -> None:
+        """Let the plan have some waypoints more, which go nowhere deeper than the next one."""
+        index = len(self.waypoints)
+        self._depths = np.insert(self._depths, index, [self._depths[index]] * count)
+
+    def stop(self) -> None:
+        """Let the gripper stop at the last waypoint."""
+        self._stops.append(len(self.waypoints) - 1)
+
     def check(self) -> None:
         """Raise DeadlineExceeded if the time is over."""
         self._demands.progress.check()
@@ -94,7 +105,7 @@ class PlanBuilder:
             raise self.refusal(broken.name, -broken.room, broken.message, broken.unit)
         self.waypoints.append(waypoint)
         self._rooms.append(min(self._demands.room_beside_touched(waypoint.shape), *(
-            one.room for one in margins if one.name == 'clearance')))
+            one.room + self._demands.clearance for one in margins if one.name == 'clearance')))
         limits = self._demands.yield_limits
         self._used.append(np.nan if limits is None else utilization(waypoint.shape, limits))
         self._demands.progress.done(len(self.waypoints), len(self._depths))
@@ -116,8 +127,10 @@ class PlanBuilder:
 
     def _plan(self, status: PlanStatus) -> Plan:
         stops = tuple(stop for stop in self._stops if stop < len(self.waypoints))
-        return build_plan(self.waypoints, self._depths, self._demands.speeds, status, stops,
+        plan = build_plan(self.waypoints, self._depths, self._demands.speeds, status, stops,
                           self._rooms, self._used, self._demands.uncertainty)
+        limits = self._demands.wrench_limits
+        return plan if limits == (None, None) else replace(plan, wrench_limits=limits)
 
 
 def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
@@ -127,7 +140,7 @@ def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
     known: rooms at the waypoints beside everything, m, where they are.
     """
     looked_at = demands.workspace is not None or demands.simulator is not None and (
-        plan.sheets or demands.obstacles)
+        plan.sheets or demands.obstacles or demands.wrench_limits != (None, None))
     if len(plan) < 2 or not plan.times[-1] > plan.times[0] or not looked_at:
         return plan
     broken = violation_between(GripperPath.of(plan), plan.shapes, plan.sheets, demands, known)
@@ -156,11 +169,12 @@ def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[floa
     used: of the yield limits, 1 where the DLO begins to yield.
     """
     grippers = [waypoint.shape.gripper for waypoint in waypoints]
+    arms = moving([waypoint.shape for waypoint in waypoints])
     return Plan(np.array(depths[:len(waypoints)]), tuple(grippers),
                 tuple(waypoint.shape for waypoint in waypoints),
                 np.array([waypoint.misalignment for waypoint in waypoints]),
                 np.array([waypoint.position_error for waypoint in waypoints]),
-                times_at_speed(grippers, *speeds),
+                times_at_speed(grippers, *speeds, arms.values()),
                 tuple(waypoint.via_points for waypoint in waypoints),
                 padded_clearances([waypoint.clearances for waypoint in waypoints]),
                 waypoints[-1].sheets if waypoints else (),

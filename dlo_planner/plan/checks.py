@@ -8,7 +8,7 @@ correction, the search for a calm motion, and the replay.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -32,6 +32,11 @@ _LIGHTER = 1e-3  # of a least force: what a mesh makes of it
 _TOUCHES = 1e-9  # of the length: rounding errors of a distance
 ROOM = 0.25      # part of the room in a hole that a motion may lose, whatever its tolerance
 _EXCEEDED = 2.0  # what breaks a demand that has no limit counts as so many limits
+
+
+def nearer(apart: float) -> str:
+    """Return how a DLO is to what it touches, or comes nearer to than `apart`, m: in words."""
+    return f'nearer than clearance = {apart:g} m to ' if apart else 'in '
 
 
 def verbatim(text: str) -> str:
@@ -98,6 +103,7 @@ class Judge:
     angle_tolerance: float | None = None
     uncertainty: Uncertainty | None = None  # of the DLO and its gripper; None: the usual one
     margin: float | None = None  # least margin in a cut-out, m. If None, any
+    clearance: float = 0.0  # least distance from the obstacles and sheets, m
 
     def silent(self) -> Judge:
         """Return the same demands for a search, whose steps are not reported."""
@@ -109,7 +115,8 @@ class Judge:
 
     @cached_property
     def _bodies(self) -> tuple[Bodies, ...]:
-        return tuple(Bodies((), (obstacle,), self.surface) for obstacle in self.obstacles)
+        return tuple(Bodies((), (obstacle,), self.surface, apart=self.clearance)
+                     for obstacle in self.obstacles)
 
     @cached_property
     def _touched_bodies(self) -> Bodies:
@@ -139,15 +146,16 @@ class Judge:
             yield Margin('angle_tolerance', self.angle_tolerance - waypoint.misalignment, 'the DLO '
                          'is {found:.3g} rad off its direction, angle_tolerance = {limit:g} rad',
                          waypoint.misalignment, self.angle_tolerance, 'rad')
-        yield Margin('clearance', waypoint.clearance, 'the DLO is {over:.3g} m in the sheet around '
-                     'a cut-out (infinite, if no Sheet among the obstacles has this hole): it '
-                     'would need as much more room')
+        yield Margin('clearance', waypoint.clearance - self.clearance, 'the DLO is {over:.3g} m in '
+                     'the sheet around a cut-out (infinite, if no Sheet among the obstacles has '
+                     'this hole): it would need as much more room')
         around = [sheet for sheet, _ in waypoint.sheets]
         for index, (obstacle, body) in enumerate(zip(self.obstacles, self._bodies, strict=True)):
             if any(obstacle is sheet for sheet in around):
                 continue  # that is its clearance
             yield Margin('clearance', body.exact(shape),
-                         'the DLO is {over:.3g} m in ' + verbatim(called(obstacle, index)))
+                         'the DLO is {over:.3g} m ' + nearer(self.clearance)
+                         + verbatim(called(obstacle, index)))
         if self.margin is not None:
             found = least_margin(self.uncertainty, shape, [s for _, s, _ in waypoint.via_points],
                                  waypoint.clearances)
@@ -164,14 +172,8 @@ class Judge:
             yield Margin('contact_force', room if room < -_LIGHTER * self.min_force else 0.0,
                          'the DLO would press with {found:.3g} N, at least {limit:.3g} N are '
                          'required (min_force)', force, self.min_force, 'N')
-        for name, unit, limit, part in zip(('max_force', 'max_moment'), ('N', 'N m'),
-                                           self.wrench_limits, (slice(3), slice(3, 6)),
-                                           strict=True):
-            if limit is not None:
-                wrenches = [shape.gripper_wrench, *shape.wrenches]
-                most = max(float(np.linalg.norm(wrench[part])) for wrench in wrenches)
-                yield Margin(name, limit - most, f'a grip would exert {{found:.3g}} {unit}, at '
-                             f'most {name} = {{limit:g}} {unit} is allowed', most, limit, unit)
+        if self.wrench_limits != (None, None):
+            yield from wrench_margins(self.wrench_limits, largest_wrench(shape))
         yield Margin('self_distance', -in_itself(shape, self.surface), 'the DLO would lie '
                      '{over:.3g} m in itself: nothing holds its pieces off each other')
         yield from self.bend_margins(shape)
@@ -193,13 +195,31 @@ class Judge:
         return violated(self.margins(waypoint, commanded))
 
 
+def wrench_margins(limits: Sequence[float | None], largest: Floats) -> Iterator[Margin]:
+    """Yield how much of the limits of grips, of force and moment, the `largest_wrench` leaves."""
+    for name, unit, limit, most in zip(('max_force', 'max_moment'), ('N', 'N m'), limits,
+                                       largest.tolist(), strict=True):
+        if limit is not None:
+            yield Margin(name, limit - most, f'a grip would exert {{found:.3g}} {unit}, at most '
+                         f'{name} = {{limit:g}} {unit} is allowed', most, limit, unit)
+
+
+def largest_wrench(shape: Shape) -> Floats:
+    """Return (2,) the largest force (N) and moment (N m) that a grip exerts on a Shape."""
+    wrenches = np.vstack([shape.gripper_wrench, shape.wrenches]).reshape(-1, 2, 3)
+    result: Floats = np.linalg.norm(wrenches, axis=2).max(axis=0)
+    return result
+
+
 def motion_margins(motion: Mapping[str, float], planned_miss: float, tolerance: float,
-                   touches: bool, room: float | None = None) -> list[Margin]:
+                   touches: bool, room: float | None = None,
+                   limits: Sequence[float | None] = (None, None)) -> list[Margin]:
     """Return how much of each demand a motion leaves, by its figures as `InMotion` names them.
 
     Those that are nan were not looked at. planned_miss: position error of the plan, m; touches:
     whether the DLO means to touch something; room: clearance of the DLO that follows slowly, m,
-    where the motion has to be calm. If None, it has not.
+    where the motion has to be calm. If None, it has not; limits: of force (N) and moment (N m) at
+    every grip, None: any.
     """
     if not motion['converged']:
         return [Margin('motion', -np.inf, 'the motion could not be simulated to its end', limit=1,
@@ -229,6 +249,8 @@ def motion_margins(motion: Mapping[str, float], planned_miss: float, tolerance: 
             Margin('departure', tolerance - motion['departure'], 'at the end the DLO vibrates by '
                    '{found:.3g} m: expected at most {limit:.3g} m', motion['departure'],
                    tolerance)]
+    margins += [one._replace(words='in motion ' + one.words) for one in wrench_margins(
+        limits, np.array([motion.get('grip_force', np.nan), motion.get('grip_moment', np.nan)]))]
     return [one for one in margins if not np.isnan(one.room)]
 
 

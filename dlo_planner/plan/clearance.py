@@ -91,12 +91,15 @@ def hole_clearances(sheet: Sheet, normal: ArrayLike, surface: Surface | float,
 class Bodies:
     """What a DLO may come near to: sheets around cut-outs, and obstacles; scenes are made once.
 
-    `check` is called between the steps of a long computation; it may raise.
+    `check` is called between the steps of a long computation; it may raise. `apart` is how far (m)
+    the DLO has to stay away from all of it: what `exact` and `rooms` say is beyond that.
     """
 
     def __init__(self, sheets: Iterable[SheetSide], obstacles: Iterable[Obstacle],
-                 surface: Surface, check: Callable[[], None] = lambda: None) -> None:
+                 surface: Surface, check: Callable[[], None] = lambda: None,
+                 apart: float = 0.0) -> None:
         self._sheets, self._surface, self.check = tuple(sheets), surface, check
+        self.apart = apart
         around = [sheet for sheet, _ in self._sheets]
         self._others = [one for one in obstacles if not any(one is sheet for sheet in around)]
         self._all = [*around, *self._others]
@@ -112,12 +115,15 @@ class Bodies:
                 for sheet, scene in zip(self._sheets, self._known(shape)[2], strict=True)]
 
     def exact(self, shape: Shape) -> float:
-        """Return the smallest distance of a Shape in m, negative inside; inf without a body."""
+        """Return the smallest distance of a Shape in m, negative inside; inf without a body.
+
+        Less `apart`.
+        """
         self.check()
         rooms = [float(room.min()) for room in self.holes(shape)]
         if self._others:
             rooms.append(_clearance(self._known(shape)[1], shape))
-        return min(rooms, default=np.inf)
+        return min(rooms, default=np.inf) - self.apart
 
     def called_at(self, shape: Shape) -> str:
         """Return how that is called which a Shape is deepest in, or nearest to."""
@@ -130,7 +136,8 @@ class Bodies:
 
     def rooms(self, shape: Shape, least: float = -np.inf) -> Floats:
         """Return (N,) a lower bound in m of the distance of each element, none below `least`."""
-        result: Floats = element_rooms(self._known(shape)[0], *kernel_arrays(shape), least)
+        found = element_rooms(self._known(shape)[0], *kernel_arrays(shape), least + self.apart)
+        result: Floats = found - self.apart
         return result
 
     def least(self, shapes: Sequence[Shape]) -> float:

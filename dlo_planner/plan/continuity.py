@@ -20,7 +20,7 @@ from dlo_planner.model.pose import Pose, angle_between
 
 _Number = TypeVar('_Number', float, Floats)
 _QUIET = 0.1   # rad: a change of shape, besides the gripper's turn, that needs no second look
-_STABLE = 0.1  # stability at both ends of a step, without which the DLO may fall between them
+SURELY_STABLE = 0.1  # stability at both ends of a step, without which the DLO may fall between them
 SAME = 1e-3    # of the length: farther apart, two shapes are not the same
 # What a step of the gripper may be: a constant and a part per depth, both relative to the length.
 # Of 500 random plans 99 % stay below half of the rates; a fold exceeds any.
@@ -44,7 +44,7 @@ def without_doubt(steps: Floats, length: float) -> tuple[Floats, float]:
     Shapes: steps (k,).
     """
     most = (largest_turn(steps), length * largest_shift(steps), np.full(len(steps), _QUIET))
-    return np.array(most), _STABLE
+    return np.array(most), SURELY_STABLE
 
 
 def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float,
@@ -67,7 +67,7 @@ def discontinuity(simulator: Simulator, before: Shape | None, shape: Shape) -> S
     if before is None:
         reached = simulator.solve(shape.gripper)
     else:
-        if (min(before.stability, shape.stability) > _STABLE
+        if (min(before.stability, shape.stability) > SURELY_STABLE
                 and _follows(before, shape, shape_change(before, shape))):
             return None
         reached = simulator.track([shape.gripper], initial=before)[0]
@@ -93,6 +93,13 @@ def followed(simulator: Simulator, before: Shape, gripper: Pose, holds: Holds) -
     if isinstance(simulator, DirectSimulator):
         return simulator.track([gripper], initial=before, holds=holds)[0]
     return simulator.track([gripper], initial=before)[0]
+
+
+def solved_as(simulator: Simulator, shape: Shape) -> Shape:
+    """Return the Shape that another simulator finds from one, where that is held."""
+    if isinstance(simulator, DirectSimulator):
+        return simulator.solve(shape.gripper, shape, holds=shape.holds)
+    return simulator.solve(shape.gripper, shape)
 
 
 def _follows(before: Shape, shape: Shape, change: float) -> bool:

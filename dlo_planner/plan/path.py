@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The path of the gripper, without its timing: splines through the poses of a plan.
 
-The parameter u of the path is the plan's own time. A time law (`trajectory.trajectory`) says how
-fast the gripper goes through it. The checks of a plan (`plan.swept`) are made on this path.
-A leg of it has no corners, or is a dwell.
+Where other arms move what else holds the DLO, their paths go by the same parameter, in legs that
+begin and end together. The parameter u of the path is the plan's own time. A time law
+(`trajectory.trajectory`) says how fast the gripper goes through it. The checks of a plan
+(`plan.swept`) are made on this path. A leg of it has no corners, or is a dwell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,10 +20,12 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.checks import array
+from dlo_planner.model.arrays import Bools, Floats, Ints
+from dlo_planner.model.checks import array, choice
+from dlo_planner.model.holds import BORE
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
+from dlo_planner.plan.stage import GRIPPER
 
 if TYPE_CHECKING:
     from dlo_planner.plan.plan import Plan
@@ -51,6 +54,7 @@ class Leg(Value):
     knots: Floats  # (m,) parameters of the poses, increasing, m >= 2
     positions: Floats  # (m, 3) positions in m
     rotations: Floats  # (m, 3, 3)
+    others: tuple[Leg, ...] = ()  # of the other arms that move, with the same knots
     _position: CubicSpline = field(init=False, repr=False, compare=False)
     _turn: RotationSpline = field(init=False, repr=False, compare=False)
 
@@ -62,9 +66,14 @@ class Leg(Value):
 
     @property
     def still(self) -> bool:
-        """Whether it is a dwell."""
-        return bool((self.positions == self.positions[0]).all()
-                    and (self.rotations == self.rotations[0]).all())
+        """Whether it is a dwell, of all arms."""
+        return all((leg.positions == leg.positions[0]).all()
+                   and (leg.rotations == leg.rotations[0]).all() for leg in self.all_arms)
+
+    @property
+    def all_arms(self) -> tuple[Leg, ...]:
+        """The leg of the gripper, and those of the other arms."""
+        return (self, *self.others)
 
     def poses(self, u: Floats) -> tuple[Floats, Floats]:
         """Return positions (n, 3) and rotations (n, 3, 3) at parameters `u` (n,)."""
@@ -153,25 +162,27 @@ class GripperPath(Value):
     times: Floats  # (n,) the parameters of the waypoints it was made of
     # legs; each begins with the pose and the parameter with which the one before ends
     legs: tuple[Leg, ...]
+    arms: tuple[str, ...] = ()  # names of the other arms, in the order of `Leg.others`
 
     @classmethod
     def of(cls, plan: Plan) -> GripperPath:
         """Return the path through the poses of a Plan, in its order.
 
-        The gripper stops at corners and where a bore takes the DLO; where a pose comes again later
-        it stays.
+        The arms stop at corners of any of them, and where a bore takes the DLO; where all poses
+        come again later they stay.
         """
         if len(plan) < 2:
             raise InvalidTask(f'plan has {len(plan)} poses: expected two or more')
         bore = held_after(plan)
         stops = plan.stops if bore is None else (*plan.stops, bore)
         return cls.through(plan.grippers, plan.times, max(shape.s[-1] for shape in plan.shapes),
-                           stops)
+                           stops, plan.arms)
 
     @classmethod
     def through(cls, grippers: Sequence[Pose], times: ArrayLike, length: float,
-                stops: Iterable[int] = ()) -> GripperPath:
-        """Return the path through n Poses at parameters `times` (n,)."""
+                stops: Iterable[int] = (),
+                arms: Mapping[str, Sequence[Pose]] | None = None) -> GripperPath:
+        """Return the path through n Poses at parameters `times` (n,); `arms`: n of each other."""
         times = array('plan.times', times, (len(grippers),))
         if (np.diff(times) < 0).any():
             k = int(np.argmax(np.diff(times) < 0)) + 1
@@ -180,7 +191,8 @@ class GripperPath(Value):
         if not times[-1] > times[0]:
             raise InvalidTask(f'plan.times end at {times[-1]:g} s as they begin: expected poses at '
                               'different times')
-        apart = np.linalg.norm(_chords(grippers, length), axis=1)
+        ways = [grippers, *(arms or {}).values()]
+        apart = np.max([np.linalg.norm(_chords(way, length), axis=1) for way in ways], axis=0)
         legs, knots = [], [0]
         for k, distance in enumerate(apart, start=1):
             span = times[k] - times[k - 1]
@@ -190,10 +202,21 @@ class GripperPath(Value):
                                       f'{times[k - 1]:g} s of the pose before, which is another')
                 knots.append(k)
             elif span > _WAITING * (times[-1] - times[0]):
-                legs += _between_corners(knots, grippers, times, length, stops)
-                legs.append(_leg(times[[knots[-1], k]], [grippers[knots[-1]]] * 2))
+                legs += _between_corners(knots, ways, times, length, stops)
+                legs.append(_leg(times[[knots[-1], k]], [[way[knots[-1]]] * 2 for way in ways]))
                 knots = [k]
-        return cls(times, tuple(legs + _between_corners(knots, grippers, times, length, stops)))
+        return cls(times, tuple(legs + _between_corners(knots, ways, times, length, stops)),
+                   tuple(arms or ()))
+
+    def arm(self, name: str) -> GripperPath:
+        """Return the path of the 'gripper', or one of the other `arms`, alone, in the same legs."""
+        choice('name', name, (GRIPPER, *self.arms))
+        if not self.arms:
+            return self
+        if name == GRIPPER:
+            return GripperPath(self.times, tuple(replace(leg, others=()) for leg in self.legs))
+        k = self.arms.index(name)
+        return GripperPath(self.times, tuple(leg.others[k] for leg in self.legs))
 
     def at(self, u: ArrayLike) -> tuple[Floats, Floats]:
         """Return the Poses' positions (n, 3) and rotations (n, 3, 3) at parameters `u` (n,)."""
@@ -220,28 +243,44 @@ def _chords(grippers: Sequence[Pose], length: float) -> Floats:
                       length * (turns[1:] * turns[:-1].inv()).as_rotvec()])
 
 
-def _between_corners(knots: Sequence[int], grippers: Sequence[Pose], times: Floats, length: float,
-                     stopped: Iterable[int]) -> list[Leg]:
-    """Return the Legs through those of n Poses with the indices `knots`, which all differ."""
+def _between_corners(knots: Sequence[int], ways: Sequence[Sequence[Pose]], times: Floats,
+                     length: float, stopped: Iterable[int]) -> list[Leg]:
+    """Return the Legs through those of n Poses of each arm with the indices `knots`.
+
+    From one to the next an arm moves.
+    """
     if len(knots) < 2:
         return []
     stopped = [index for index, k in enumerate(knots) if k in stopped and index > 0]
-    grippers, times = [grippers[k] for k in knots], times[knots]
-    chords = _chords(grippers, length)
-    chords /= np.linalg.norm(chords, axis=1)[:, None]
-    corners = np.flatnonzero((chords[1:] * chords[:-1]).sum(axis=1) < _CORNER) + 1
+    ways, times = [[way[k] for k in knots] for way in ways], times[knots]
+    corners = np.flatnonzero(np.any([_turns_sharply(way, length) for way in ways], axis=0)) + 1
     stops = np.unique([0, *corners, *stopped, len(knots) - 1])
-    return [_leg(times[a:b + 1], grippers[a:b + 1]) for a, b in zip(stops, stops[1:], strict=False)]
+    return [_leg(times[a:b + 1], [way[a:b + 1] for way in ways])
+            for a, b in zip(stops, stops[1:], strict=False)]
 
 
-def _leg(times: Floats, grippers: Sequence[Pose]) -> Leg:
-    return Leg(np.array(times), np.array([gripper.position for gripper in grippers]),
-               np.array([gripper.rotation for gripper in grippers]))
+def _turns_sharply(way: Sequence[Pose], length: float) -> Bools:
+    """Return (n - 2,) whether an arm turns sharply between n Poses, begins to move or ends to.
+
+    A spline through a place where it begins to move would move back before.
+    """
+    chords = _chords(way, length)
+    sizes = np.linalg.norm(chords, axis=1)
+    moves = sizes > _SAME * length
+    chords /= np.where(moves, sizes, 1.0)[:, None]
+    sharp: Bools = (chords[1:] * chords[:-1]).sum(axis=1) < _CORNER
+    return np.where(moves[1:] & moves[:-1], sharp, moves[1:] != moves[:-1])
+
+
+def _leg(times: Floats, ways: Sequence[Sequence[Pose]]) -> Leg:
+    """Return the Leg through n Poses of the gripper, and of each other arm."""
+    own, *others = (
+        (np.array([pose.position for pose in way]), np.array([pose.rotation for pose in way]))
+        for way in ways)
+    return Leg(np.array(times), *own, tuple(Leg(np.array(times), *one) for one in others))
 
 
 def held_after(plan: Plan) -> int | None:
     """Return the index of the waypoint after which a bore holds the DLO of a Plan; None: none."""
-    if not np.any(plan.depths):  # nothing goes anywhere: a grip holds the far end, if anything
-        return None
-    held = [shape.far_end is not None for shape in plan.shapes]
+    held = [any(hold.by == BORE for hold in shape.holds) for shape in plan.shapes]
     return max(held.index(True) - 1, 0) if any(held) else None

@@ -23,6 +23,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.holds import BORE, FIXTURE, Hold, alike
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, freeze, put
@@ -30,6 +31,17 @@ from dlo_planner.pictured import Filmed
 from dlo_planner.plan.goals import DirectionAt, FrameAt, PositionAt, Residuals, Through
 from dlo_planner.plan.margin import least_margin, rating
 from dlo_planner.plan.path import GripperPath, held_after
+from dlo_planner.plan.stage import (
+    GRIPPER,
+    Metric,
+    Stage,
+    Starts,
+    checked_starts,
+    default_starts,
+    moving,
+    shifted_starts,
+    wrenches_of,
+)
 from dlo_planner.uncertainty.parameters import Uncertainty
 
 # An entry of `Plan.via_points`: center (3,), m; arc length, m; planned direction (3,) or None.
@@ -51,6 +63,13 @@ _ARRAYS = {'depths': 'depths', 'misalignment': 'misalignment', 'miss': 'position
            'times': 'times', 'clearances': 'clearances', 'stops': 'stops',
            'insertion_force': 'insertion_force', 'clearance': 'clearance',
            'yield_utilization': 'yield_utilization'}  # in a file: in a Plan
+
+
+# named figures of the waypoints: attribute, unit, and whether larger (1) or smaller ones are worse
+_METRICS = (('position_error', 'm', 1), ('misalignment', 'rad', 1), ('clearance', 'm', -1),
+            ('margin', 'm', -1), ('stability', '', -1), ('residual', '', 1),
+            ('bend_margin', '1/m', -1), ('yield_utilization', '', 1),
+            ('insertion_force', 'N', 1), ('largest_force', 'N', 1), ('largest_moment', 'N m', 1))
 
 
 class PlanStatus(Enum):
@@ -78,7 +97,7 @@ class PlanPoint(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(Filmed):
-    """A sequence of gripper poses; n waypoints.
+    """A sequence of gripper poses, in stages; n waypoints.
 
     Attributes
     ----------
@@ -127,6 +146,11 @@ class Plan(Filmed):
         stated, the DLO does not go into it or has no round section, or nothing is inserted.
     uncertainty : Uncertainty or None
         What is not known, for `margin`. If None, the usual one, see `Requirements`.
+    starts : tuple of (str, int)
+        Name of each of the `stages`, and the index of its first waypoint. If empty, one begins
+        wherever the DLO is held otherwise than before, named by what holds it.
+    wrench_limits : (float or None, float or None)
+        Largest force (N) and moment (N m) that a grip may exert, at rest and in motion; None: any.
     """
 
     _REMEMBERED = ('margin',)
@@ -148,6 +172,8 @@ class Plan(Filmed):
     yield_utilization: Floats = ()  # type: ignore[assignment]  # the same
     insertion_status: tuple[str, ...] = ()
     uncertainty: Uncertainty | None = None
+    starts: Starts = ()
+    wrench_limits: tuple[float | None, float | None] = (None, None)
 
     def __post_init__(self) -> None:
         grippers = items('Plan.grippers', self.grippers, Pose)
@@ -180,6 +206,11 @@ class Plan(Filmed):
             **{name: results(f'Plan.{name}', getattr(self, name), (n,))
                for name in ('depths', 'misalignment', 'position_error', 'times',
                             'insertion_force', 'clearance', 'yield_utilization')})
+        if not isinstance(self.starts, tuple) or self.starts:
+            put(self, starts=checked_starts(self.starts, self.shapes))
+        put(self, wrench_limits=tuple(
+            limit if limit is None else number('Plan.wrench_limits', limit, above=0)
+            for limit in items('Plan.wrench_limits', self.wrench_limits, object, least=2)))
         super().__post_init__()
 
     def __len__(self) -> int:
@@ -226,6 +257,56 @@ class Plan(Filmed):
             Not such a file; the message names it.
         """
         return load(path, plan_of, 'Plan')
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """Its stages, in each of which the same places are held in the same ways."""
+        starts = self.starts or default_starts(self.shapes)
+        ends = [first for _, first in starts[1:]]
+        return tuple(Stage(name, first, self.times[first:end], self.shapes[first:end], tuple(
+            metric._replace(values=metric.values[first:end]) for metric in self.metrics))
+            for (name, first), end in zip(starts, [*ends, len(self)], strict=True))
+
+    @property
+    def metrics(self) -> tuple[Metric, ...]:
+        """What is said of each waypoint, as named figures; those of no waypoint are left out."""
+        known = tuple(Metric(name, unit, getattr(self, name), worse)
+                      for name, unit, worse in _METRICS)
+        return tuple(one for one in known if not np.isnan(one.values).all())
+
+    @property
+    def arms(self) -> dict[str, tuple[Pose, ...]]:
+        """The n poses of each hold that moves, by the name of the arm that moves it.
+
+        That is its `Hold.by`; of what holds the far end without a name, 'far_end'.
+        """
+        return moving(self.shapes)
+
+    @property
+    def paths(self) -> dict[str, GripperPath]:
+        """The path of the 'gripper', and that of each of the `arms`, by the same parameter."""
+        path = GripperPath.of(self)
+        return {name: path.arm(name) for name in (GRIPPER, *path.arms)}
+
+    @property
+    def far_end_poses(self) -> tuple[Pose | None, ...]:
+        """The n poses of what holds the far end; None where it is free."""
+        return tuple(None if shape.far_end is None else shape.far_end.pose
+                     for shape in self.shapes)
+
+    @property
+    def hold_poses(self) -> tuple[tuple[Pose, ...], ...]:
+        """The n tuples of the poses of all holds, by arc length."""
+        return tuple(tuple(hold.pose for hold in shape.holds) for shape in self.shapes)
+
+    @property
+    def wrenches(self) -> Floats:
+        """(n, 1 + A, 6) what the gripper and each of the A holds exert on the DLO, by arc length.
+
+        World axes, force (N) before moment about the place (N m). nan where there are fewer holds
+        than elsewhere in the plan.
+        """
+        return wrenches_of(self.shapes)
 
     @property
     def goals(self) -> tuple[tuple[Residuals, ...], ...]:
@@ -325,6 +406,16 @@ class Plan(Filmed):
         return np.array([shape.bend_margin for shape in self.shapes])
 
     @property
+    def largest_force(self) -> Floats:
+        """(n,) largest force of the gripper or a hold, N, as `wrenches` have it."""
+        return _largest(self.wrenches[:, :, :3])
+
+    @property
+    def largest_moment(self) -> Floats:
+        """(n,) largest moment of the gripper or a hold, N m, as `wrenches` have it."""
+        return _largest(self.wrenches[:, :, 3:])
+
+    @property
     def residual(self) -> Floats:
         """(n,) `Shape.residual` of each waypoint."""
         return np.array([shape.residual for shape in self.shapes])
@@ -333,6 +424,12 @@ class Plan(Filmed):
     def stability(self) -> Floats:
         """(n,) `Shape.stability` of each waypoint."""
         return np.array([shape.stability for shape in self.shapes])
+
+
+def _largest(vectors: Floats) -> Floats:
+    """Return (n,) the largest lengths of vectors (n, 1 + A, 3), where there is one."""
+    sizes = np.linalg.norm(vectors, axis=2)
+    return np.fmax.reduce(sizes, axis=1) if len(sizes) else np.zeros(0)
 
 
 def _margin_at(plan: Plan, k: int) -> float:
@@ -363,7 +460,8 @@ def truncate(plan: Plan, count: int, status: PlanStatus) -> Plan:
     part = {name: getattr(plan, name)[:count] for name in PER_WAYPOINT}
     return replace(plan, **part, fraction=1.0 if status is PlanStatus.COMPLETE
                    else plan.fraction * count / len(plan), status=status,
-                   stops=tuple(stop for stop in plan.stops if stop < count))
+                   stops=tuple(stop for stop in plan.stops if stop < count),
+                   starts=tuple(one for one in plan.starts if one[1] < count))
 
 
 def moved(plan: Plan, shift: Floats) -> Plan:
@@ -389,13 +487,14 @@ def _shifted(pose: Pose, shift: Floats) -> Pose:
 def concatenate(one: Plan, other: Plan) -> Plan:
     """Return one Plan that does a Plan and then another, which begins where the first ends.
 
-    The gripper stops between them, unless it goes on in the same direction (within 5 degrees).
+    The gripper stops between them, unless it goes on in the same direction (within 5 degrees) and
+    is the only arm that moves. Their `stages` stay; where neither names one, there is one.
 
     Raises
     ------
     InvalidTask
-        The second begins elsewhere than the first ends, or both pass cut-outs and their margins
-        are for another `uncertainty` each.
+        The second begins elsewhere than the first ends or is held otherwise there, or both pass
+        cut-outs and their margins are for another `uncertainty` each.
     """
     for name, plan in (('one', one), ('other', other)):
         if not len(instance(name, plan, Plan)):
@@ -404,6 +503,7 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
         raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
                           f'{one.grippers[-1]!r}')
+    _held_on(one.shapes[-1], other.shapes[0])
     known = [plan.uncertainty for plan in (one, other) if any(plan.via_points)]
     if len(known) == 2 and known[0] != known[1]:
         raise InvalidTask(f'other.uncertainty = {known[1]!r}: expected that of one, {known[0]!r}, '
@@ -414,14 +514,38 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     end = len(one) - 1
     times[end + 1:] = one.times[-1] + other.times[1:] - other.times[0]
     stops = [*one.stops, *(stop + end for stop in other.stops if stop)]
-    if _turns(grippers[max(end - 1, 0):end + 2], shapes[0].s[-1]):
+    if moving(shapes) or _turns(grippers[max(end - 1, 0):end + 2], shapes[0].s[-1]):
         stops.append(end)
+    starts = one.starts or other.starts and default_starts(one.shapes)
+    if starts:
+        starts += shifted_starts(other.starts or default_starts(other.shapes), end, len(other))
     return Plan(np.array(depths), tuple(grippers), tuple(shapes), np.array(misalignment),
                 np.array(errors), np.array(times), tuple(via_points), padded_clearances(clearances),
                 other.sheets or one.sheets,
                 min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))),
                 np.array(forces), np.array(rooms), np.array(used), tuple(pushes),
-                known[-1] if known else other.uncertainty)
+                known[-1] if known else other.uncertainty, starts,
+                _least(one.wrench_limits, other.wrench_limits))
+
+
+def _least(one: Sequence[float | None],
+           other: Sequence[float | None]) -> tuple[float | None, float | None]:
+    """Return the smaller of two limits each, of forces and of moments."""
+    force, moment = (min((limit for limit in pair if limit is not None), default=None)
+                     for pair in zip(one, other, strict=True))
+    return force, moment
+
+
+def _held_on(end: Shape, begin: Shape) -> None:
+    """Raise InvalidTask unless the DLO is held at the beginning of a plan as it was before."""
+    if not alike(end.holds, begin.holds):
+        raise InvalidTask(f'other begins held by {shown(begin.holds)}: expected what one ends '
+                          f'with, {shown(end.holds)}')
+    for before, after in zip(end.holds, begin.holds, strict=True):
+        apart = np.abs(before.pose.matrix - after.pose.matrix).max()
+        if apart > _SAME * max(1.0, end.s[-1]):
+            raise InvalidTask(f'other begins with {after!r}: expected it where one ends, '
+                              f'{before.pose!r}')
 
 
 def _turns(grippers: Sequence[Pose], length: float) -> bool:
@@ -493,18 +617,29 @@ def arc_length_at(center: Floats | None, passes: Passes) -> float | None:
     return next((s for other, s, _ in passes if np.array_equal(other, center)), None)
 
 
-def times_at_speed(grippers: Sequence[Pose], linear_speed: float, angular_speed: float) -> Floats:
-    """Return (n,) times in s: each leg takes as long as the slower of its two motions."""
+def times_at_speed(grippers: Sequence[Pose], linear_speed: float, angular_speed: float,
+                   others: Iterable[Sequence[Pose]] = ()) -> Floats:
+    """Return (n,) times in s: each leg takes as long as the slower of its two motions.
+
+    `others`: n poses of each other arm; the slowest arm counts.
+    """
     if len(grippers) < 2:
         return np.zeros(len(grippers))
+    legs = np.max([_seconds(poses, linear_speed, angular_speed) for poses in (grippers, *others)],
+                  axis=0)
+    return np.concatenate([[0.0], np.cumsum(legs)])
+
+
+def _seconds(grippers: Sequence[Pose], linear_speed: float, angular_speed: float) -> Floats:
+    """Return (n - 1,) how long an arm takes from each of n poses to the next, s."""
     positions = np.array([pose.position for pose in grippers])
     rotations = np.array([pose.rotation for pose in grippers])
     distance = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     turns = rotations[1:] @ rotations[:-1].swapaxes(1, 2)
     sines = turns[:, (2, 0, 1), (1, 2, 0)] - turns[:, (1, 2, 0), (2, 0, 1)]
     angle = np.arctan2(np.linalg.norm(sines, axis=1), np.trace(turns, axis1=1, axis2=2) - 1.0)
-    legs = np.maximum(distance / linear_speed, angle / angular_speed)
-    return np.concatenate([[0.0], np.cumsum(legs)])
+    seconds: Floats = np.maximum(distance / linear_speed, angle / angular_speed)
+    return seconds
 
 
 def plan_tree(plan: Plan) -> dict[str, Any]:
@@ -517,6 +652,7 @@ def plan_tree(plan: Plan) -> dict[str, Any]:
                 None if plan.uncertainty is None else asdict(plan.uncertainty)),
             'fraction': plan.fraction, 'status': plan.status.value,
             'insertion_status': np.array(plan.insertion_status, dtype=str),
+            'stages': json.dumps(plan.starts), 'wrench_limits': json.dumps(plan.wrench_limits),
             'passes': np.array(passes).reshape(-1, 8),
             'sheets': json.dumps([{**_sheet(sheet), 'normal': list(normal)}
                                   for sheet, normal in plan.sheets]),
@@ -532,20 +668,34 @@ def plan_of(tree: Mapping[str, Any]) -> Plan:
         via_points[int(k)].append((np.array(numbers[:3]), float(numbers[3]),
                                None if np.isnan(normal).any() else normal))
     known: dict[str, Any] = {name: tree[key] for key, name in _ARRAYS.items() if key in tree}
+    shapes = [unpack(tree[str(k)]) for k in range(len(grippers))]
+    if np.any(tree['depths']):
+        shapes = [_in_bore(shape) for shape in shapes]
     known_to = json.loads(str(tree.get('uncertainty', 'null')))
     plan = Plan(**known | {
-        'grippers': grippers, 'shapes': [unpack(tree[str(k)]) for k in range(len(grippers))],
+        'grippers': grippers, 'shapes': shapes,
         'sheets': [(_read_sheet(one), np.array(one['normal']))
                    for one in json.loads(str(tree['sheets']))],
         'via_points': [tuple(one) for one in via_points], 'fraction': float(tree['fraction']),
         'uncertainty': None if known_to is None else Uncertainty(**known_to),
         'status': PlanStatus(str(tree['status'])),
         'insertion_status': tuple(np.asarray(tree.get('insertion_status', ())).tolist()),
-        'stops': tuple(int(stop) for stop in tree['stops'])})
+        'stops': tuple(int(stop) for stop in tree['stops']),
+        # files of before there were stages: by what holds the DLO
+        'starts': tuple(tuple(one) for one in json.loads(str(tree.get('stages', '[]')))),
+        'wrench_limits': json.loads(str(tree.get('wrench_limits', '[null, null]')))})
     margin = np.array(tree.get('margin', np.full(len(plan), np.nan)), dtype=float)
     freeze(margin)
     put(plan, margin=margin)
     return plan
+
+
+def _in_bore(shape: Shape) -> Shape:
+    """Return a Shape of an insertion; files of before there were holds do not say what holds it."""
+    if not shape.holds or shape.holds[-1].by != FIXTURE:
+        return shape
+    *others, end = shape.holds
+    return replace(shape, holds=(*others, Hold(end.pose, end.grip, by=BORE)))
 
 
 def _sheet(sheet: Sheet) -> dict[str, Any]:

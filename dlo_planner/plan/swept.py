@@ -18,8 +18,13 @@ the point turns by its motion over its distance, which may be more than the grip
 angle counts. And where the DLO is drawn along itself by d, its points go straight and not along the
 curve: d^2/8 times the largest curvature more. A distance from obstacles changes no more than the
 place does, so if it exceeds delta / 2 and these bulges at each point of both shapes, nothing is
-touched between. It is assumed, not proved, that the DLO responds alike between both ends: a jump is
-noticed where the DLO is simulated, and `plan.continuity` checks the straight motion.
+touched between. Where other arms move holds of the DLO, each adds the bulges of its own path and
+turn, its levers measured from its hold. It is assumed, not proved, that the DLO responds alike
+between both ends: a jump is noticed where the DLO is simulated, and `plan.continuity` checks the
+straight motion.
+
+Forces and moments at the grips, where they are limited, are looked at in the middle too, and in the
+middles of halves where the parabola through three places comes near to the limit.
 
 Between two instants of a motion in time (`least_between`) the nodes go along cubic polynomials that
 keep their places and velocities (Hermite). A point leaves the even way by at most h^2/8 times its
@@ -42,14 +47,24 @@ from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.checks import Judge, Margin, verbatim
+from dlo_planner.plan.checks import (
+    Judge,
+    Margin,
+    largest_wrench,
+    nearer,
+    verbatim,
+    violated,
+    wrench_margins,
+)
 from dlo_planner.plan.clearance import Bodies, SheetSide
 from dlo_planner.plan.continuity import followed
 from dlo_planner.plan.path import GripperPath, Leg
+from dlo_planner.plan.stage import arm_of, moved_holds
 
 _HALVINGS = 7   # of the way between two waypoints
 _CLOSER = 4     # looks for where the DLO is deepest in something
 _TINY = 1e-12   # of the length: a node in the gripper
+_DOUBTED = 2.0  # times what a parabola says, for what it is not
 _LEAP = 3.0     # motion of the DLO per lever and turn of the gripper: more is no continuation
 
 
@@ -67,11 +82,14 @@ def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequen
             place, name, amount = beyond
             outside = Margin(name, -amount, 'on the way there the gripper comes {over:.3g} m '
                              f'beyond {name}', place=place)
-    if demands.simulator is None or not (sheets or demands.obstacles) or any(
+    limited = demands.wrench_limits != (None, None)
+    if demands.simulator is None or not (sheets or demands.obstacles or limited) or any(
             shape.s[-1] != demands.simulator.rod.length for shape in shapes):
         return outside
-    bodies = Bodies(sheets, demands.obstacles, demands.surface, demands.progress.check)
-    return _Sweep(path, bodies, demands.simulator).broken(shapes, known, outside) or outside
+    bodies = Bodies(sheets, demands.obstacles, demands.surface, demands.progress.check,
+                    demands.clearance)
+    return _Sweep(path, bodies, demands, demands.simulator).broken(
+        shapes, known, outside) or outside
 
 
 @dataclass(frozen=True)
@@ -80,41 +98,54 @@ class _Look:
 
     u: float  # parameter; of a motion: time in intervals
     shape: Shape
-    arms: Floats  # (N + 1, 3) vectors in m from the gripper to the nodes
-    levers: Floats  # (N + 1,) lengths of the arms, m
+    # vectors (N + 1, 3) in m from the gripper, and from each hold that moves, to the nodes
+    arms: tuple[Floats, ...]
+    levers: tuple[Floats, ...]  # (N + 1,) lengths of the arms, m
+    frames: tuple[Pose, ...]  # of the gripper and those holds
     rooms: Floats  # (N,) lower bounds of the room of each element, m
     least: float  # least room of all in m, exact
 
 
-def _look(bodies: Bodies, u: float, shape: Shape, least: float) -> _Look:
-    arms = shape.positions - shape.gripper.position
-    return _Look(u, shape, arms, np.sqrt(np.einsum('ij,ij->i', arms, arms)),
-                 bodies.rooms(shape, least), least)
+def _look(bodies: Bodies, u: float, shape: Shape, least: float,
+          moved: Sequence[str] = ()) -> _Look:
+    """Return the _Look at a Shape; `moved`: names of the arms that move its holds."""
+    frames = (shape.gripper, *(hold.pose for hold in shape.holds if arm_of(hold) in moved))
+    arms = tuple(shape.positions - frame.position for frame in frames)
+    levers = tuple(np.sqrt(np.einsum('ij,ij->i', one, one)) for one in arms)
+    return _Look(u, shape, arms, levers, frames, bodies.rooms(shape, least), least)
 
 
 class _Sweep:
     """Checks a path, leg by leg, between the waypoints."""
 
-    def __init__(self, path: GripperPath, bodies: Bodies, simulator: Simulator) -> None:
+    def __init__(self, path: GripperPath, bodies: Bodies, demands: Judge,
+                 simulator: Simulator) -> None:
         self._path, self._bodies, self._simulator = path, bodies, simulator
+        self._demands, self._limited = demands, demands.wrench_limits != (None, None)
 
     def broken(self, shapes: Sequence[Shape], known: Sequence[float] | None,
                outside: Margin | None) -> Margin | None:
         """Return the first Margin that is broken before n Shapes, earlier than `outside`."""
-        known = [*map(self._bodies.exact, shapes)] if known is None else known
+        known = [*map(self._bodies.exact, shapes)] if known is None else (
+            [room - self._bodies.apart for room in known])
+        arms = self._path.arms
         for leg in self._path.legs:
             if leg.still:
                 continue
             before, pieces = None, leg.pieces()
-            for a, b, bends in zip(*pieces, leg.bounds(*pieces)[:, :, 1], strict=True):
+            bounds = np.stack([one.bounds(*pieces)[:, :, 1]
+                               for one in _in_order(leg, shapes, arms)], axis=1)
+            for a, b, bends in zip(*pieces, bounds, strict=True):
                 goal = self._path.goal(b)
                 if outside is not None and outside.place is not None and goal > outside.place:
                     return None
                 if before is None:
                     start = np.searchsorted(self._path.times, a, side='right') - 1
-                    before = _look(self._bodies, a, shapes[start], known[start])
-                after = _look(self._bodies, b, shapes[goal], known[goal])
+                    before = _look(self._bodies, a, shapes[start], known[start], arms)
+                after = _look(self._bodies, b, shapes[goal], known[goal], arms)
                 what = self._between(leg, before, after, bends, _HALVINGS)
+                if what is None and self._limited:
+                    what = self._strained(leg, before, after, _HALVINGS)
                 if what is not None:
                     return what._replace(place=goal)
                 before = after
@@ -124,7 +155,7 @@ class _Sweep:
                  halvings: int) -> Margin | None:
         """Return the Margin that is broken between two Looks, or None.
 
-        Shapes: bends (2,).
+        Shapes: bends (1 + A, 2), of the gripper and each hold that moves.
         """
         short, far = _short(one, other, bends)
         if short <= 0:
@@ -142,19 +173,38 @@ class _Sweep:
             return jumped
         if middle.least < 0:
             deepest = self._deepest(leg, one, middle, other)
-            return Margin('clearance', deepest.least, 'on the way there the DLO is {over:.3g} m in '
+            return Margin('clearance', deepest.least, 'on the way there the DLO is {over:.3g} m '
+                          + nearer(self._bodies.apart)
                           + verbatim(self._bodies.called_at(deepest.shape)))
         return (self._between(leg, one, middle, bends, halvings - 1)
                 or self._between(leg, middle, other, bends, halvings - 1))
 
+    def _strained(self, leg: Leg, one: _Look, other: _Look, halvings: int) -> Margin | None:
+        """Return the Margin of a force or moment that is broken between two Looks, or None."""
+        middle, jumped = self._middle(leg, one, other)
+        if middle is None:
+            return jumped
+        ends, there = [largest_wrench(look.shape) for look in (one, other)], largest_wrench(
+            middle.shape)
+        limits = self._demands.wrench_limits
+        broken = violated(wrench_margins(limits, there))
+        if broken is not None:
+            return broken._replace(words='on the way there ' + broken.words)
+        bulge = np.abs(ends[0] + ends[1] - 2 * there) / 8  # of each half, of a parabola
+        most = np.max([*ends, there], axis=0) + _DOUBTED * bulge
+        if not halvings or violated(wrench_margins(limits, most)) is None:
+            return None
+        return (self._strained(leg, one, middle, halvings - 1)
+                or self._strained(leg, middle, other, halvings - 1))
+
     def _middle(self, leg: Leg, one: _Look, other: _Look) -> tuple[_Look | None, Margin | None]:
         """Return the Look half way between two and None, or None and what a jump breaks."""
         u = 0.5 * (one.u + other.u)
-        (position,), (rotation,) = leg.poses(np.array([u]))
-        shape = followed(self._simulator, one.shape, Pose.from_rotation(position, rotation),
-                         one.shape.holds)
+        gripper, *others = (_pose_on(arm, u) for arm in leg.all_arms)
+        holds = moved_holds(one.shape.holds, dict(zip(self._path.arms, others, strict=True)))
+        shape = followed(self._simulator, one.shape, gripper, holds)
         if shape.converged and not shape.jumped:
-            return _look(self._bodies, u, shape, self._bodies.exact(shape)), None
+            return _look(self._bodies, u, shape, self._bodies.exact(shape), self._path.arms), None
         away = float(np.linalg.norm(shape.positions[-1] - one.shape.positions[-1]))
         return None, Margin('continuity', -away, 'on the way there the DLO falls into another '
                             'shape: its free end comes {over:.3g} m away')
@@ -175,32 +225,46 @@ def _short(one: _Look, other: _Look, bends: Floats) -> tuple[float, float]:
 
     Also how far (m) the DLO moves, if that is more than a turn of the gripper can cause, or 0.
     """
-    shift, bend = 0.125 * (other.u - one.u) ** 2 * bends
-    turn = angle_between(one.shape.gripper.rotation, other.shape.gripper.rotation)
     length = one.shape.s[-1]
-    motions = _motion(one, other), _motion(other, one)
-    moved = float(max(motion.max() for motion in motions))
-    lever = moved / max(turn, 1e-9) if moved > 1e-12 * length else 0.0
     curved = max(float(np.hypot(*look.shape.element_strains[:, 1:].T).max())
                  for look in (one, other))
     drawn = max(abs(float(look.shape.tangents[k] @ (
         other.shape.positions[k] - one.shape.positions[k])))
         for look in (one, other) for k in (0, -1))
-    shift += 0.125 * drawn**2 * curved
-    bulges = []
-    for look, motion in zip((one, other), motions, strict=True):
-        angles = np.maximum(turn, motion / np.maximum(look.levers, _TINY * length))
-        bulges.append(shift + np.maximum(look.levers, lever) * bend + look.levers * angles**2 / 8)
-    return _missing(one, other, *bulges), moved if moved > _LEAP * length * turn else 0.0
+    bulges = [np.full(look.shape.s.size, 0.125 * drawn**2 * curved) for look in (one, other)]
+    far = 0.0
+    for arm, (shift, bend) in enumerate(0.125 * (other.u - one.u) ** 2 * bends):
+        turn = angle_between(one.frames[arm].rotation, other.frames[arm].rotation)
+        motions = _motion(one, other, arm), _motion(other, one, arm)
+        moved = float(max(motion.max() for motion in motions))
+        lever = moved / max(turn, 1e-9) if moved > 1e-12 * length else 0.0
+        for k, (look, motion) in enumerate(zip((one, other), motions, strict=True)):
+            levers = look.levers[arm]
+            angles = np.maximum(turn, motion / np.maximum(levers, _TINY * length))
+            bulges[k] += shift + np.maximum(levers, lever) * bend + levers * angles**2 / 8
+        far = max(far, moved if moved > _LEAP * length * turn else 0.0)
+    return _missing(one, other, *bulges), far
 
 
-def _motion(one: _Look, other: _Look) -> Floats:
-    """Return (N + 1,) how far the nodes of one Look are in the other, seen from the gripper, m."""
-    shape, arms = other.shape, other.arms
+def _motion(one: _Look, other: _Look, arm: int) -> Floats:
+    """Return (N + 1,) how far the nodes of one Look are in the other, seen from an arm, m."""
+    shape, arms = other.shape, other.arms[arm]
     if not np.array_equal(one.shape.s, shape.s):  # of two meshes, points of the same arc lengths
-        arms = shape.positions_at(one.shape.s) - shape.gripper.position
-    moved: Floats = np.sqrt(((arms - one.arms)**2).sum(axis=1))
+        arms = shape.positions_at(one.shape.s) - other.frames[arm].position
+    moved: Floats = np.sqrt(((arms - one.arms[arm])**2).sum(axis=1))
     return moved
+
+
+def _in_order(leg: Leg, shapes: Sequence[Shape], arms: Sequence[str]) -> list[Leg]:
+    """Return the paths of all arms on a Leg: the gripper's, then as the holds of Shapes go."""
+    known = dict(zip(arms, leg.others, strict=True))
+    return [leg, *(known[name] for hold in shapes[0].holds if (name := arm_of(hold)) in known)]
+
+
+def _pose_on(leg: Leg, u: float) -> Pose:
+    """Return the Pose of an arm at the parameter u."""
+    (position,), (rotation,) = leg.poses(np.array([u]))
+    return Pose.from_rotation(position, rotation)
 
 
 def _missing(one: _Look, other: _Look, bulges: Floats, others: Floats) -> float:

@@ -26,11 +26,10 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError, Infeasible, InvalidTask
 from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.inverse.task import Task
-from dlo_planner.inverse.tasks.insert import Insert
-from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of, threading_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import OBLIQUE, Plan
 from dlo_planner.progress import Progress, interrupted_by
@@ -195,15 +194,19 @@ class PlanningServer(Part):
         """Plan, publish and return the trajectory of the tool frame as a Path."""
         self.store.change(lambda now: replace(now, task=task))
         begun, askers = monotonic(), self.askers()
-        if state.scene.grasped is None and isinstance(task, Thread | Insert) and task.hold_at:
+        if state.scene.grasped is None and task.held_inside:
             raise Refused(Cause.INVALID_PARAMETER, 'parameter rod.grasped_at = 0: expected '
-                          f'{task.hold_at:g}, where the task says that the gripper holds the DLO')
-        if state.held_at(begun) is not None:
+                          f'{task.held_inside:g}, where the task says that the gripper holds the '
+                          'DLO')
+        held = state.held_at(begun)
+        if held is not None and not task.takes_held:
             raise Refused(Cause.FAR_END_HELD, 'far_end_pose: the far end is held: expected '
-                          'far_end.hold = free, or no pose, for a plan')
+                          'far_end.hold = free, or no pose, for the plan of a '
+                          f'{type(task).__name__}')
         plan, before = self._interruptible(
             state.scene['threading.planning_deadline'],
-            lambda: explained(partial(make_plan, state.scene, task, start, state.shape, miss)))
+            lambda: explained(partial(make_plan, state.scene, task, start, state.shape, miss,
+                                      held)))
         seconds = monotonic() - begun
         scene, stamp = state.scene, self.node.get_clock().now().to_msg()
         made = PlanResult(scene, plan, before, stamp, task, outcome.stamp,
@@ -305,15 +308,28 @@ def tool_path(made: PlanResult) -> Path:
 
 
 def make_plan(scene: Scene, task: Task, start: Pose | None, shape: Shape | None,
-              miss: float | None = None) -> tuple[Plan, Shape | None]:
-    """Return the Plan of a task, and the Shape that it begins with, None: any."""
-    here = shape if shape is not None and start is not None and shape.far_end is None and (
-        _same(shape.gripper, start)) else None
+              miss: float | None = None,
+              held: FarEnd | None = None) -> tuple[Plan, Shape | None]:
+    """Return the Plan of a task, and the Shape that it begins with, None: any.
+
+    `held`: what holds the far end now; None: it is free.
+    """
+    here = shape if shape is not None and start is not None and _same(shape.gripper, start) and (
+        _held_same(shape.far_end, held)) else None
+    if held is not None and here is None and start is not None:
+        here = scene.direct.without_obstacles().track([start], initial=shape, far_ends=[held])[0]
     plan = plan_task(scene.inverse, task, scene.values, start=start, initial=here, miss=miss)
     if len(plan) == 1:
         raise InvalidTask('start = None: expected the pose of the gripper now, where a plan of '
                           f'one pose, as of this {type(task).__name__}, begins')
     return plan, here if start is not None and _same(plan.grippers[0], start) else None
+
+
+def _held_same(one: FarEnd | None, other: FarEnd | None) -> bool:
+    """Whether the far end is held by both in the same way, or by none."""
+    if one is None or other is None:
+        return one is other
+    return one.grip == other.grip and _same(one.pose, other.pose)
 
 
 def _same(one: Pose, other: Pose) -> bool:

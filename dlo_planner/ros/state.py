@@ -21,6 +21,7 @@ from dlo_planner.execute.limiter import used
 from dlo_planner.inverse.task import Task
 from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.path import held_after
 from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.scene import Scene
 from dlo_planner.trajectory.timed_path import TimedPath
@@ -305,6 +306,10 @@ def ready(state: State, now: float, wanted: Time | None = None,
     assert proof is not None  # every plan has one
     if not proof.safe:
         raise Refused(proof.cause, proof.reason)
+    if state.planned.plan.shapes[0].holds and held_after(state.planned.plan) is None:
+        raise Refused(Cause.FAR_END_HELD, 'the plan is of a DLO that more than the gripper holds, '
+                      'whose arms the node does not command: expected another one that executes '
+                      '~/gripper_trajectory_timed')
     _heard_lately(state, now)
     assert proof.report is not None and state.feedback is not None
     way, scene = proof.report.trajectory, state.scene
@@ -358,8 +363,8 @@ def _heard_lately(state: State, now: float) -> None:
         raise Refused(Cause.OLD_GRIPPER_POSE,
                       f'{heard}: the last one is {age:.3g} s old: {expected}')
     if state.held_at(now) is not None:
-        raise Refused(Cause.FAR_END_HELD, 'far_end_pose: the far end is held, which no plan is '
-                      'made for: expected far_end.hold = free, or no pose')
+        raise Refused(Cause.FAR_END_HELD, 'far_end_pose: the far end is held, which this plan is '
+                      'not made for: expected far_end.hold = free, or no pose')
     barred = state.scene.guards.barred(state.enabled, now)
     if barred:
         raise Refused(Cause.NOT_ENABLED, barred)

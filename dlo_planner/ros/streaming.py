@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from threading import Lock
 from time import monotonic
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -30,11 +30,8 @@ from dlo_planner.execute.loop_motions import Entry, GripperMotion, LoopTask
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.estimator import DloEstimator
-from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
-from dlo_planner.inverse.tasks.insert import Insert
-from dlo_planner.inverse.tasks.thread import Thread
-from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
-from dlo_planner.inverse.tasks.thread_two import ThreadTwo
+from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.arm import ArmDrive, ArmOutput
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
@@ -72,7 +69,7 @@ def _loop_task(made: PlanResult) -> LoopTask:
     plan, scene = made.plan, made.scene
     task = held_as_stated(made.task, scene['rod.grasped_at'])
     far, given = STANDOFF * scene.direct.rod.length, scene['threading.standoff']
-    if isinstance(task, HoldContact | SlideContact):
+    if task.outwards is not None:
         if not scene['contacts.tolerance']:
             raise InvalidTask('parameter contacts.tolerance = 0: expected by how much the DLO may '
                               f'miss the place that it touches in a {type(task).__name__}, m')
@@ -80,7 +77,7 @@ def _loop_task(made: PlanResult) -> LoopTask:
                         scene['contacts.tolerance'])
     passing = [bool(passes) for passes in plan.via_points]
     depths = np.unique(plan.depths[passing])  # a bore takes over a mass in several waypoints
-    if not isinstance(task, Thread | ThreadTwo | ThreadSequence | Insert) or not depths.size:
+    if task.deepest is None or not depths.size:
         raise InvalidTask(f'{type(task).__name__} passes no cut-out or bore, and touches nothing')
     if depths[0] > 0:  # the way to the entry ends there, where nothing passes yet
         depths = np.append(0.0, depths)
@@ -88,12 +85,9 @@ def _loop_task(made: PlanResult) -> LoopTask:
     stops = [first.normal @ (first.center - plan.shapes[k].positions[-1]) for k in plan.stops
              if not passing[k]]
     standoff = given if given > 0 else float(max(stops, default=0.0)) or far
-    # how obliquely it may pass stays what was asked for
-    task = (replace(task, depths=depths, method='coupled', gripper_clearance=None,
-                    as_deep_as_possible=False)
-            if isinstance(task, Thread) else replace(task, depths=depths))
     # refuses what has no room
-    return LoopTask(scene.inverse, task, standoff, scene.limits).of_plan(plan)
+    again: Task = replace(cast('Any', task), depths=depths, **task.replanned)
+    return LoopTask(scene.inverse, again, standoff, scene.limits).of_plan(plan)
 
 
 def closed_loop_of(state: State, observing: DloEstimator | None, worker: Worker,

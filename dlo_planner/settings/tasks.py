@@ -3,9 +3,9 @@
 """Tasks as YAML, and their plans as the parameters ask for them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -21,11 +21,8 @@ from dlo_planner.inverse.plain_tasks import (
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.approach import Approach
-from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
-from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.thread import Thread, trim_to_clearance
-from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
-from dlo_planner.inverse.tasks.thread_two import ThreadTwo
+from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.checks import did_you_mean, instance, shown
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.files import text_of, writable
@@ -103,6 +100,14 @@ def _places(kind: object) -> list[tuple[str, bool, bool]]:
             for name, (held, several) in value_fields(task).items() if held in (Pose, CutOut)]
 
 
+def _given_places(content: Mapping[str, Any]) -> list[tuple[str, bool, bool]]:
+    """Return those of an open task, without what it may leave out and does."""
+    optional = {item.name for task in classes_below(Task) if task.__name__ == content.get('type')
+                for item in fields(cast('Any', task)) if item.default is not MISSING}
+    return [one for one in _places(content.get('type'))
+            if one[0] not in optional or content.get(one[0])]
+
+
 def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: float | None = None,
                name: str = 'task') -> Task:
     """Return the task of an open one."""
@@ -127,7 +132,7 @@ def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: flo
             cutout['radius'] = radius
         return cutout
 
-    for field, several, bare in _places(content.get('type')):
+    for field, several, bare in _given_places(content):
         given = content.get(field)
         moved[field] = [placed(one, bare) for one in given or ()] if several else placed(
             given, bare)
@@ -139,7 +144,7 @@ def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: flo
 def _poses_in(content: Mapping[str, Any], name: str) -> list[Pose | None]:
     """Return the poses of an open task's places, None for one that is left out."""
     found: list[Pose | None] = []
-    for field, several, bare in _places(content.get('type')):
+    for field, several, bare in _given_places(content):
         given = content.get(field)
         if several and not (isinstance(given, list) and given):
             raise InvalidTask(f'{name}.{field} = {shown(given)}: expected a list of them')
@@ -157,7 +162,7 @@ def poses_of(task: Task) -> tuple[Pose, ...]:
     for field, several, _ in _places(type(task).__name__):
         places = getattr(task, field)
         found += [one if isinstance(one, Pose) else one.pose
-                  for one in (places if several else [places])]
+                  for one in (places if several else [places]) if one is not None]
     return tuple(found)
 
 
@@ -184,7 +189,6 @@ def write_task(path: Path, task: Task) -> None:
     writable(path).write_text(task_to_yaml(task), encoding='utf-8')
 
 
-MOST_INSERTED = 0.99  # of the length, by `Insert`
 STANDOFF = 0.05       # of the length, where none is given
 
 
@@ -205,25 +209,23 @@ def _plan(inverse: InverseSimulator, task: Task, values: Values, start: Pose | N
           initial: Shape | None, miss: float | None, progress: OnProgress) -> Plan:
     length, standoff = inverse.simulator.rod.length, values['threading.standoff']
     task = held_as_stated(task, values['rod.grasped_at'])
-    free = length - ((task.hold_at or 0.0) if isinstance(task, Thread | Insert) else 0.0)
-    task = _with_depths(task, values, free)
+    task = _with_depths(task, values, length - (task.held_inside or 0.0))
     most = values['threading.max_misalignment']
     if isinstance(task, Thread) and task.max_misalignment is None and most >= 0:
         task = replace(task, max_misalignment=most)
     options: dict[str, Any] = {'progress': progress, 'requirements': replace(
         inverse.requirements, limits=limits_of(values), tolerance=miss,
         margin=values['threading.margin'] or None)}
-    if isinstance(task, HoldContact | SlideContact) and standoff and start is not None:
+    if task.outwards is not None and standoff and start is not None:
         return inverse.check(concatenate(*way_onto(
             inverse, task, start, standoff if standoff > 0 else STANDOFF * length,
             values['contacts.tolerance'], **options)))
-    threads = isinstance(task, Thread | ThreadTwo | ThreadSequence)
-    plan = inverse.plan(task, start=start, initial=initial if task.takes_initial and not threads
-                        else None, **options)
+    plan = inverse.plan(task, start=start, initial=initial if task.takes_initial and (
+        not task.threads) else None, **options)
     if len(plan) == 1 and start is not None:
         first = initial or inverse.simulator.track([start])[0]
         plan = inverse.plan(_From(first, plan, task.touches), start=start, **options)
-    elif isinstance(task, Thread | ThreadTwo | ThreadSequence):
+    elif task.threads:
         hole, clearance = cutouts_of(task)[0], values['threading.gripper_clearance']
         if clearance and getattr(task, 'gripper_clearance', None) is None:
             plan = inverse.check(trim_to_clearance(plan, hole, clearance, True))
@@ -250,14 +252,16 @@ def held_as_stated(task: Task, at: float) -> Task:
     """
     if not at:
         return task
-    if not isinstance(task, Thread):
+    if not task.grasps_inside:
         raise InvalidTask(f'parameter rod.grasped_at = {at:g}: expected 0 for the plan of a '
                           f'{type(task).__name__}: of a DLO that is grasped inside, a Thread alone '
                           'is planned')
-    if task.hold_at not in (None, at):
-        raise InvalidTask(f'hold_at = {task.hold_at:g}: expected none, or rod.grasped_at = {at:g}, '
-                          'where the gripper holds the DLO')
-    return replace(task, hold_at=at)
+    known, own = task.held_inside, cast('Any', task)  # a dataclass that has it
+    if known not in (None, at):
+        raise InvalidTask(f'hold_at = {known:g}: expected none, or rod.grasped_at = {at:g}, where '
+                          'the gripper holds the DLO')
+    held: Task = replace(own, hold_at=at)
+    return held
 
 
 def _with_depths(task: Task, values: Values, length: float) -> Task:
@@ -265,12 +269,13 @@ def _with_depths(task: Task, values: Values, length: float) -> Task:
 
     If it has none of its own.
     """
-    if not isinstance(task, Thread | ThreadTwo | ThreadSequence | Insert) or (
-            task.depths is not None):
+    own: Any = task  # a dataclass that has depths, if any
+    if task.deepest is None or own.depths is not None:
         return task
-    deepest = values['threading.deepest']
-    most = min(deepest, MOST_INSERTED) if isinstance(task, Insert) else deepest
-    return replace(task, depths=np.linspace(0.0, most * length, values['threading.waypoints']))
+    most = min(values['threading.deepest'], task.deepest)
+    complete: Task = replace(own, depths=np.linspace(0.0, most * length,
+                                                     values['threading.waypoints']))
+    return complete
 
 
 @dataclass(frozen=True, eq=False, repr=False)

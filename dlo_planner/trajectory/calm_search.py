@@ -21,6 +21,7 @@ from dlo_planner.model.rod import Surface
 from dlo_planner.model.varying import scaled
 from dlo_planner.plan.checks import Margin, motion_margins
 from dlo_planner.plan.clearance import Bodies
+from dlo_planner.plan.continuity import solved_as
 from dlo_planner.plan.path import GripperPath, Leg, held_after
 from dlo_planner.plan.plan import Plan, arc_length_at, means_to_touch
 from dlo_planner.plan.requirements import Limits
@@ -58,19 +59,19 @@ def leg_tasks(simulator: Simulator, plan: Plan, path: GripperPath, limits: Limit
             tasks.append(None)
             continue
         try:
-            shape = shape or quick.solve(first.gripper, first)
-            response = Response.of(quick, leg, shape, check=check)
+            shape = shape or solved_as(quick, first)
+            response = Response.of(quick, leg, shape, check=check, arms=path.arms)
         except InvalidTask:  # a shape without modes: neutral, or in contact with friction
             return [None] * len(path.legs)
         shape = response.shapes[-1]
         tasks.append(LegTask(leg, response, limits, holes_passed(plan, response.parameters),
                              leg is path.legs[-1],
-                             tuple(_wrong(one, factor, response, leg, begins, check)
+                             tuple(_wrong(one, factor, response, leg, path.arms, begins, check)
                                    for factor, one in wrong.items())))
     return tasks
 
 
-def _wrong(simulator: Simulator, factor: float, response: Response, leg: Leg,
+def _wrong(simulator: Simulator, factor: float, response: Response, leg: Leg, arms: Sequence[str],
            begins: dict[float, Shape], check: Callable[[], None]) -> Response:
     """Return the Response of a DLO whose stiffness is wrong by a factor, at the same parameters.
 
@@ -78,9 +79,8 @@ def _wrong(simulator: Simulator, factor: float, response: Response, leg: Leg,
     shapes in which the leg before has left such DLOs.
     """
     try:
-        begin = begins.pop(factor, None) or simulator.solve(response.shapes[0].gripper,
-                                                            response.shapes[0])
-        wrong = Response.of(simulator, leg, begin, response.parameters, check)
+        begin = begins.pop(factor, None) or solved_as(simulator, response.shapes[0])
+        wrong = Response.of(simulator, leg, begin, response.parameters, check, arms)
         if all(shape.converged and not shape.jumped for shape in wrong.shapes):
             begins[factor] = wrong.shapes[-1]
             return wrong
@@ -150,10 +150,9 @@ class CalmSearch:
     @cached_property
     def _first(self) -> Shape:
         """The Shape at the beginning, in equilibrium."""
-        begin = self.begin
-        if begin.holds:
-            return begin
-        return self._free.solve(begin.gripper, begin)
+        if self.begin.holds and held_after(self.plan) is not None:
+            return self.begin
+        return solved_as(self._free, self.begin)
 
     @cached_property
     def _damped_tasks(self) -> Sequence[LegTask | None]:
@@ -186,7 +185,7 @@ class CalmSearch:
         """By how much (m) the DLO misses between the waypoints, more than at them, at any speed."""
         if self._slow is None or not any(self.plan.via_points):
             return 0.0
-        reached = self.fastest.progress(instants(self.simulator, self.fastest))
+        reached = self.fastest.progress(instants(self.simulator, self.fastest, self._first))
         return float(misses(self.plan, reached, self._slow).max()
                      - self.plan.position_error.max())
 
@@ -346,7 +345,7 @@ class CalmSearch:
     def _most_used(self, motion: InMotion) -> Margin:
         """Return the Margin of which most is used."""
         return max(motion_margins(vars(motion), self.plan.position_error.max(), self.tolerance,
-                                  means_to_touch(self.plan), self._room),
+                                  means_to_touch(self.plan), self._room, self.plan.wrench_limits),
                    key=lambda one: one.used)
 
     def _missed(self, motion: InMotion) -> float:

@@ -17,9 +17,11 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, flag, instance
+from dlo_planner.model.holds import Holds
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import Value, brief, put
+from dlo_planner.plan.checks import largest_wrench
 from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.goals import Through
@@ -30,7 +32,7 @@ from dlo_planner.plan.waypoint import length_of
 from dlo_planner.progress import Progress
 from dlo_planner.trajectory.modal_response import slowest_period_of
 from dlo_planner.trajectory.sliding_end import Feed, Instants, pushed
-from dlo_planner.trajectory.timed_path import TimedPath
+from dlo_planner.trajectory.timed_path import TimedPath, holds_in
 
 # figures of which the least is the worst
 _LEAST = ('clearance', 'calm_clearance', 'calm_gap', 'bend_margin')
@@ -88,6 +90,11 @@ class InMotion(Value):
     calm_gap : float
         Distance of the DLO that follows the same path slowly from the simulator's obstacles that it
         is not meant to touch; nan if there are none, or if it was simulated in contact.
+    grip_force : float
+        Largest force that the gripper or another hold exerts on the DLO, N; nan where the gripper
+        alone holds it, or a bore takes it.
+    grip_moment : float
+        The same for the moment, N m.
     """
 
     converged: bool
@@ -105,6 +112,8 @@ class InMotion(Value):
     contact_lost: float = np.nan
     smooth_bore_force: float = np.nan
     calm_gap: float = np.nan
+    grip_force: float = np.nan
+    grip_moment: float = np.nan
 
     def __post_init__(self) -> None:
         put(self, converged=flag('InMotion.converged', self.converged),
@@ -159,18 +168,20 @@ def _figures(simulator: Simulator, plan: Plan, timed: TimedPath, first: Shape,
              obstacles: tuple[Obstacle, ...], progress: Progress,
              around: tuple[Obstacle, ...] = (), calm: Sequence[Shape] | None = None) -> InMotion:
     """Return InMotion; of a DLO that comes near to `around` the contact force is infinite."""
-    times = instants(simulator, timed)
+    times = instants(simulator, timed, first)
     grippers, reached = timed.poses(times), timed.progress(times)
     simulated = _simulated(simulator, plan, Instants(grippers, reached, times[1]), first, progress,
-                           calm)
+                           calm, holds_in(timed, first.holds, times))
     obstacles = watched(simulator, plan, obstacles)
     passed, anything = any(plan.via_points), bool(plan.sheets or obstacles)
     if simulated is None:
+        held = np.inf if _held_elsewhere(plan) else np.nan
         lost, near = np.inf if passed else np.nan, -np.inf if anything else np.nan
         limited, touches = simulator.rod.max_bend_curvature is not None, any(
             shape.contacts for shape in plan.shapes)
         return InMotion(False, lost, np.inf, lost, np.inf, near, near, np.inf, timed.duration,
-                        times[1], lost, -np.inf if limited else np.nan, 1.0 if touches else np.nan)
+                        times[1], lost, -np.inf if limited else np.nan, 1.0 if touches else np.nan,
+                        grip_force=held, grip_moment=held)
     miss, swing, surface = simulated.position_error, simulated.swing, Surface.of(simulator.rod)
     bodies = Bodies(plan.sheets, obstacles, surface, progress.check)
     all_around = Bodies((), around, surface, progress.check)
@@ -183,7 +194,14 @@ def _figures(simulator: Simulator, plan: Plan, timed: TimedPath, first: Shape,
         _of_elements(plan), min(shape.bend_margin for shape in simulated.shapes),
         # the first one is given, and may not know its contacts
         contact_lost(plan, reached[1:], simulated.shapes[1:]), simulated.smooth_bore_force,
-        all_around.least(simulated.calm))
+        all_around.least(simulated.calm), *(
+            np.max([largest_wrench(shape) for shape in simulated.shapes], axis=0)
+            if _held_elsewhere(plan) else (np.nan, np.nan)))
+
+
+def _held_elsewhere(plan: Plan) -> bool:
+    """Whether more than the gripper holds a Plan's DLO, and not a bore."""
+    return bool(plan.shapes[0].holds) and held_after(plan) is None
 
 
 def step_error(simulator: Simulator, plan: Plan, timed: TimedPath, first: Shape,
@@ -194,11 +212,12 @@ def step_error(simulator: Simulator, plan: Plan, timed: TimedPath, first: Shape,
     """
     if held_after(plan) is not None or not any(plan.via_points):
         return 0.0
-    count = 2 * round((timed.duration + slowest_period_of(simulator)) / motion.step) + 1
+    count = 2 * round((timed.duration + slowest_period_of(simulator, first)) / motion.step) + 1
     times = 0.5 * motion.step * np.arange(count)
     if unplanned(simulator, plan):  # which it was seen to stay away from
         simulator = simulator.without_obstacles()
-    finer = simulator.simulate(timed.poses(times), times[1], first, progress=progress.done)
+    finer = simulator.simulate(timed.poses(times), times[1], first, progress=progress.done,
+                               holds=holds_in(timed, first.holds, times))
     if not finer.converged:
         return np.inf
     missed = float(misses(plan, timed.progress(times), finer.shapes).max())
@@ -248,11 +267,12 @@ class _Simulated:
 
 
 def _simulated(simulator: Simulator, plan: Plan, instants: Instants, first: Shape,
-               progress: Progress, calm: Sequence[Shape] | None) -> _Simulated | None:
+               progress: Progress, calm: Sequence[Shape] | None,
+               holds: Sequence[Holds]) -> _Simulated | None:
     """Return a motion simulated to its end, None if that failed."""
     bore = held_after(plan)
     if bore is None:
-        return _without_bore(simulator, plan, instants, first, progress, calm)[0]
+        return _without_bore(simulator, plan, instants, first, progress, calm, holds)[0]
     # the bore takes the DLO at the last instant at which it is still before the mouth
     at = int(np.searchsorted(instants.u, plan.times[bore] + _AT_ONCE * np.ptp(plan.times),
                              'right')) - 1
@@ -279,19 +299,21 @@ def calm_shapes(simulator: Simulator, plan: Plan, timed: TimedPath, first: Shape
     """
     if held_after(plan) is not None:
         return None
-    return simulator.track(timed.poses(instants(simulator, timed)), progress.done, first)
+    times = instants(simulator, timed, first)
+    return simulator.track(timed.poses(times), progress.done, first,
+                           holds=holds_in(timed, first.holds, times))
 
 
 def _without_bore(simulator: Simulator, plan: Plan, instants: Instants, first: Shape,
                   progress: Progress, calm: Sequence[Shape] | None = None,
-                  ) -> tuple[_Simulated | None, Motion]:
+                  holds: Sequence[Holds] = ()) -> tuple[_Simulated | None, Motion]:
     """Return the simulated motion of a DLO that no bore holds, or None, and the Motion."""
     grippers = instants.grippers
-    motion = simulator.simulate(grippers, instants.dt, first, progress=progress.done)
+    motion = simulator.simulate(grippers, instants.dt, first, progress=progress.done, holds=holds)
     if not (motion.converged and first.converged):
         return None, motion
     if calm is None:
-        calm = simulator.track(grippers, progress.done, first)
+        calm = simulator.track(grippers, progress.done, first, holds=holds)
     swing = np.array([apart(*pair) for pair in zip(motion.shapes, calm, strict=True)])
     errors = misses(plan, instants.u, motion.shapes)
     force = max((contact.force for shape in motion.shapes for contact in shape.contacts),
@@ -311,9 +333,12 @@ def watched(simulator: Simulator, plan: Plan,
     return obstacles if held_after(plan) is None else (*obstacles, *simulator.obstacles)
 
 
-def instants(simulator: Simulator, timed: TimedPath) -> Floats:
-    """Return the times (n,), s, that are looked at: to a slowest period after the end."""
-    period = slowest_period_of(simulator)
+def instants(simulator: Simulator, timed: TimedPath, begin: Shape | None = None) -> Floats:
+    """Return the times (n,), s, that are looked at: to a slowest period after the end.
+
+    `begin`: as of `slowest_period_of`.
+    """
+    period = slowest_period_of(simulator, begin)
     duration = timed.duration + period
     count = max(_FEWEST, int(np.ceil(_PER_PERIOD * duration / period))) + 1
     if count > _MOST:

@@ -26,13 +26,16 @@ from dlo_planner.direct.grasp import Simulator
 from dlo_planner.direct.shape import Shape, modes_along
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
+from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.dense import lu_factor, lu_solve
 from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.holds import BORE
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.plan.path import Leg
+from dlo_planner.plan.stage import holds_along
 from dlo_planner.trajectory.time_law import TimeLaw
 from dlo_planner.trajectory.topp import DeviationBound
 
@@ -54,8 +57,17 @@ def slowest_period(rod: Rod) -> float:
                                      / (3 * min(rod.stiffness[1:]))))
 
 
-def slowest_period_of(simulator: Simulator) -> float:
-    """Return the `slowest_period` (s) of a simulator's DLO, of the slower of its parts."""
+def slowest_period_of(simulator: Simulator, begin: Shape | None = None) -> float:
+    """Return the `slowest_period` (s) of a simulator's DLO, of the slower of its parts.
+
+    Of one that more than the gripper holds in the Shape `begin`: the period of its slowest mode
+    there, where it has any.
+    """
+    if begin is not None and begin.holds and begin.holds[-1].by != BORE:
+        try:
+            return float(1 / begin.modes(1).frequencies[0])
+        except InvalidTask:  # neutral, in contact with friction, or from a file
+            pass
     parts = (simulator,) if isinstance(simulator, DirectSimulator) else simulator.parts
     return max(slowest_period(part.rod) for part in parts)
 
@@ -172,15 +184,17 @@ class Response:
 
     @classmethod
     def of(cls, simulator: Simulator, leg: Leg, first: Shape,
-           parameters: Floats | None = None,
-           check: Callable[[], None] = lambda: None) -> Response:
+           parameters: Floats | None = None, check: Callable[[], None] = lambda: None,
+           arms: Sequence[str] = ()) -> Response:
         """Return the Response on a Leg that begins in the Shape `first`; parameters (n,).
 
-        The simulator's mesh has to be the same everywhere.
+        The simulator's mesh has to be the same everywhere. `arms`: names of the other arms that
+        move on the leg.
         """
+        way = _LegWay(simulator, leg, arms, check)
         u, shapes, (frequencies, damping, displacements) = (
-            _places(simulator, leg, first, check) if parameters is None else
-            (parameters, *_known(simulator, leg, first, parameters, check)))
+            _places(way, first) if parameters is None else
+            (parameters, *way.known(first, parameters)))
         positions = CubicSpline(u, np.array([shape.positions for shape in shapes]))
         masses = node_masses(simulator.rod, shapes[0].s)
         slopes, bends = (np.einsum('k,umki,uki->um', masses, displacements, positions(u, order))
@@ -188,6 +202,11 @@ class Response:
         return cls(u, tuple(shapes), 2 * np.pi * frequencies, damping, displacements, slopes, bends,
                    np.einsum('k,umki->umi', masses, displacements), masses,
                    _turning(masses, displacements) / np.diff(u)[:, None, None])
+
+    @property
+    def held(self) -> bool:
+        """Whether something else than the gripper holds the DLO, so that `pulls` mean nothing."""
+        return bool(self.shapes[0].holds)
 
     @property
     def sizes(self) -> Floats:
@@ -286,17 +305,33 @@ class Response:
 _AllModes: TypeAlias = tuple[Floats, Floats, Floats]
 
 
-def _places(simulator: Simulator, leg: Leg, first: Shape,
-            check: Callable[[], None]) -> tuple[Floats, list[Shape], _AllModes]:
+class _LegWay(NamedTuple):
+    """A DLO on a leg."""
+
+    simulator: Simulator
+    leg: Leg
+    arms: Sequence[str]  # names of the other arms
+    check: Callable[[], None]
+
+    def known(self, first: Shape, u: Floats) -> tuple[list[Shape], _AllModes]:
+        """Return n Shapes and their modes at the parameters u (n,)."""
+        poses, *others = ([Pose.from_rotation(*pose) for pose in zip(*arm.poses(u), strict=True)]
+                          for arm in self.leg.all_arms)
+        holds = holds_along(first.holds, dict(zip(self.arms, others, strict=True)), u.size)
+        shapes = self.simulator.track(poses, lambda *_: self.check(), first, holds=holds)
+        return shapes, _modes_along(shapes)
+
+
+def _places(way: _LegWay, first: Shape) -> tuple[Floats, list[Shape], _AllModes]:
     """Return parameters (n,), n Shapes and modes on a leg, denser where frequencies change fast.
 
     There, as near the loss of stability, all else changes fast, too.
     """
-    parts = max(1, -(-(_PLACES - 1) // (leg.knots.size - 1)))
-    u = np.append(leg.pieces(parts)[0], leg.knots[-1])
+    parts = max(1, -(-(_PLACES - 1) // (way.leg.knots.size - 1)))
+    u = np.append(way.leg.pieces(parts)[0], way.leg.knots[-1])
     left = _HALVINGS
     while True:
-        shapes, modes = _known(simulator, leg, first, u, check)
+        shapes, modes = way.known(first, u)
         rates = modes[0][:, :_SLOWEST]
         change = np.abs(np.diff(rates, axis=0))
         far = (change > _CHANGE * np.maximum(rates[1:], rates[:-1])).any(axis=1)
@@ -304,14 +339,6 @@ def _places(simulator: Simulator, leg: Leg, first: Shape,
         if not (left and far.any()):
             return u, shapes, modes
         u = np.sort(np.append(u, 0.5 * (u[:-1] + u[1:])[far]))
-
-
-def _known(simulator: Simulator, leg: Leg, first: Shape, u: Floats,
-           check: Callable[[], None]) -> tuple[list[Shape], _AllModes]:
-    """Return n Shapes and their modes on a leg at the parameters u (n,)."""
-    poses = [Pose.from_rotation(*pose) for pose in zip(*leg.poses(u), strict=True)]
-    shapes = simulator.track(poses, lambda *_: check(), first)
-    return shapes, _modes_along(shapes)
 
 
 def _modes_along(shapes: Sequence[Shape]) -> _AllModes:

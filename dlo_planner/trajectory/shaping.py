@@ -241,7 +241,8 @@ def _within_limits(task: LegTask, law: TimeLaw, begins: Sequence[Floats], shifte
                    check: Callable[[], None]) -> TimeLaw:
     """Return a TimeLaw that keeps the limits, with the shift that helps most if it is `shifted`."""
     law = smoothed(task.leg, task.limits, law.parameters, law.rates, law.windows)
-    for _ in range(_ROUNDS if shifted else 0):
+    # a shift of the gripper alone does not take along what others hold
+    for _ in range(_ROUNDS if shifted and not task.response.held else 0):
         shift = compensated(task, law, begins, check)
         if shift is None:
             break

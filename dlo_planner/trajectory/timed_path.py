@@ -7,6 +7,7 @@ Whether it keeps its limits is proved: speeds, accelerations and jerks are bound
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +15,12 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import row
+from dlo_planner.model.holds import Holds
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.path import GripperPath, Leg
 from dlo_planner.plan.requirements import Limits
+from dlo_planner.plan.stage import GRIPPER, holds_along
 from dlo_planner.trajectory.time_law import TimeLaw
 from dlo_planner.trajectory.topp import fastest_rates
 
@@ -27,7 +30,12 @@ _PARTS = 8       # of the time between two knots, in which jerks are bounded
 
 
 def most_used(leg: Leg, law: TimeLaw, limits: Limits) -> float:
-    """Return an upper bound of the largest part of its limits that a motion uses at any time.
+    """Return an upper bound of the largest part of the limits that any arm uses at any time."""
+    return max(_most_used(arm, law, limits) for arm in leg.all_arms)
+
+
+def _most_used(leg: Leg, law: TimeLaw, limits: Limits) -> float:
+    """Return the same of one arm.
 
     Speed and acceleration are computed at the ends of an interval of time, and their slopes within
     it are bounded. The interval is halved until its bound is at most 0.5 % above the largest value
@@ -184,6 +192,24 @@ class TimedPath(Value):
         """
         return [Pose.from_rotation(*frame) for frame in zip(*self.frames(times), strict=True)]
 
+    def arm(self, name: str) -> TimedPath:
+        """Return the motion of one arm alone, at the same times.
+
+        Parameters
+        ----------
+        name : str
+            'gripper', or one of the other arms, `path.arms`.
+
+        Raises
+        ------
+        InvalidTask
+            There is no arm of this name.
+        """
+        path, laws = self.path.arm(name), self.laws
+        if name != GRIPPER:  # a shift against vibrations is that of the gripper
+            laws = tuple(law if law is None else replace(law, shift=None) for law in laws)
+        return TimedPath(path, laws, self.limits)
+
     def frames(self, times: ArrayLike) -> tuple[Floats, Floats]:
         """Return positions (n, 3) and rotations (n, 3, 3) of `poses`: many cost little more."""
         which, since = self._split(times)
@@ -228,6 +254,12 @@ class TimedPath(Value):
         return which, times - self.starts[which]
 
 
+def holds_in(timed: TimedPath, holds: Holds, times: ArrayLike) -> list[Holds]:
+    """Return what Holds are at times (n,) s of a motion: where their arms are, the others stay."""
+    arms = {name: timed.arm(name).poses(times) for name in timed.path.arms}
+    return holds_along(holds, arms, np.size(times))
+
+
 def fastest_law(leg: Leg, limits: Limits) -> TimeLaw | None:
     """Return the fastest law of a Leg within limits, whatever the DLO does; None for a dwell.
 
@@ -257,7 +289,8 @@ def smoothed(leg: Leg, limits: Limits, parameters: Floats, rates: Floats,
 def _within_jerk(leg: Leg, limits: Limits, parameters: Floats, rates: Floats) -> TimeLaw:
     """Return the TimeLaw with one window, about as wide as the limits of jerk need."""
     plain = TimeLaw(parameters, rates, np.array([1e-3]))
-    first = np.array([np.linalg.norm(leg.at(parameters)[2].reshape(-1, 2, 3), axis=2).max(axis=0)])
+    first = np.array([np.linalg.norm(arm.at(parameters).first.reshape(-1, 2, 3), axis=2).max(axis=0)
+                      for arm in leg.all_arms])
     most = (np.abs(np.diff(rates)) / plain.steps).max() * first / limits.sizes[2]
     return TimeLaw(parameters, rates,
                    np.array([max(2 * most.max(), _SHORTEST * plain.duration)]))

@@ -106,8 +106,8 @@ def _constraints(toppra: ModuleType, leg: Leg, limits: Limits,
             return self.at(u)
 
     finite = np.minimum(limits.sizes, _ENDLESS)
-    kept = [Constraint(partial(_sizes, leg, slice(0, 3), *finite[:2, 0])),
-            Constraint(partial(_sizes, leg, slice(3, 6), *finite[:2, 1]))]
+    kept = [Constraint(partial(_sizes, arm, slice(3 * k, 3 * k + 3), *finite[:2, k]))
+            for arm in leg.all_arms for k in (0, 1)]
     return kept if bound is None else [*kept, Constraint(partial(_bounds, bound))]
 
 

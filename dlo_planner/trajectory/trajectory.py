@@ -23,6 +23,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, items, number
+from dlo_planner.model.holds import alike
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Reported
@@ -39,7 +40,7 @@ from dlo_planner.trajectory.timed_path import TimedPath, fastest_law
 _TOLERANCE = 1e-3   # m, where no hole has a size
 _SAME = 1e-9        # of the length
 _TRIED = 2          # laws of a plan, of several that are compared
-_LEG, _LAW = ('knots', 'positions', 'rotations'), ('parameters', 'rates', 'windows')
+_ARM, _LAW = ('knots', 'positions', 'rotations'), ('parameters', 'rates', 'windows')
 _SHIFT = ('knots', 'coefficients')
 NOT_SIMULATED = 'not simulated'  # status where the tolerance is infinite
 
@@ -139,7 +140,8 @@ class Trajectory(TimedPath, Reported):
             least_duration=timed.duration, slowest_period=np.nan)
         if verifying is None:
             return
-        instants(verifying, timed)  # where the fastest takes too many, so does each that is calm
+        # where the fastest takes too many, so does each that is calm
+        instants(verifying, timed, plan.shapes[0])
         search = CalmSearch(plan, timed, tolerance, verifying, initial or plan.shapes[0],
                             obstacles, still_to_go)
         calm = search.assessed(quickest([search]))
@@ -198,21 +200,22 @@ def _within_limits(plan: Plan, limits: Limits, progress: Progress) -> TimedPath:
 
 def _simulator(simulator: Simulator | None, plan: Plan) -> Simulator:
     """Return the simulator that verifies a Plan; raise InvalidTask if there is none."""
-    first = plan.shapes[0]
-    if first.holds and held_after(plan) is None:
-        raise InvalidTask('plan: expected a DLO whose far end is free, or goes into a bore; with '
-                          'an infinite tolerance nothing is simulated')
+    first, bore = plan.shapes[0], held_after(plan)
+    if bore is None and any(not alike(shape.holds, first.holds) for shape in plan.shapes):
+        raise InvalidTask('plan: expected one stage, in which the same places are held all the '
+                          f'time, got {len(plan.stages)}; with an infinite tolerance nothing is '
+                          'simulated')
     length = float(first.s[-1]) + (0.0 if first.far_end is None else float(plan.depths[0]))
     at = grasped_at(first)
     if any(grasped_at(shape) != at or shape.far_end is None
            and abs(shape.s[-1] - length) > _SAME * length for shape in plan.shapes):
         raise InvalidTask('plan: expected shapes of one DLO that the gripper holds in one place, '
                           'as in `simulate`; with an infinite tolerance nothing is simulated')
-    if at is not None and held_after(plan) is not None:
+    if at is not None and bore is not None:
         raise InvalidTask(f'plan: expected a DLO that is held at its beginning, as in `simulate`: '
                           f'held at {at:g} m it goes into a bore; with an infinite tolerance '
                           'nothing is simulated')
-    if simulator is None and first.far_end is not None:
+    if simulator is None and bore is not None and first.far_end is not None:
         raise InvalidTask('simulator = None: expected the DirectSimulator of the whole DLO for an '
                           f'insertion that begins {plan.depths[0]:g} m deep')
     if simulator is None:
@@ -251,11 +254,13 @@ def trajectory_tree(trajectory: Trajectory) -> dict[str, Any]:
         'times': trajectory.path.times, 'limits': trajectory.limits.sizes,
         'tolerance': trajectory.tolerance, 'mode_margin': trajectory.mode_margin,
         'status': trajectory.status, 'legs': len(trajectory.laws),
-        'least_duration': trajectory.least_duration, 'slowest_period': trajectory.slowest_period}
+        'least_duration': trajectory.least_duration, 'slowest_period': trajectory.slowest_period,
+        'arms': np.array(trajectory.path.arms, dtype=str)}
     if trajectory.motion is not None:
         tree['motion'] = _parts(trajectory.motion, [item.name for item in fields(InMotion)])
     for k, (leg, law) in enumerate(zip(trajectory.path.legs, trajectory.laws, strict=True)):
-        tree[str(k)] = own = {'leg': _parts(leg, _LEG)}
+        tree[str(k)] = own = {'leg': _parts(leg, _ARM), 'others': {
+            str(arm): _parts(other, _ARM) for arm, other in enumerate(leg.others)}}
         if law is not None:
             own |= {'law': _parts(law, _LAW)} | (
                 {} if law.shift is None else {'shift': _parts(law.shift, _SHIFT)})
@@ -272,11 +277,13 @@ def trajectory_of(tree: Mapping[str, Any]) -> Trajectory:
     for k in range(int(tree['legs'])):
         own = tree[str(k)]
         shift = Shift(**own['shift']) if 'shift' in own else None
-        legs.append(Leg(**own['leg']))
+        others = own.get('others', {})
+        legs.append(Leg(**own['leg'], others=tuple(
+            Leg(**others[str(arm)]) for arm in range(len(others)))))
         laws.append(TimeLaw(**own['law'], shift=shift) if 'law' in own else None)
     motion = {name: array.item() for name, array in tree.get('motion', {}).items()}
     return restored(
-        GripperPath(tree['times'], tuple(legs)), tuple(laws),
+        GripperPath(tree['times'], tuple(legs), tuple(map(str, tree.get('arms', ())))), tuple(laws),
         Limits(*tree['limits'].ravel().tolist()), float(tree['tolerance']),
         InMotion(**motion) if motion else None, float(tree['mode_margin']), str(tree['status']),
         float(tree.get('least_duration', np.nan)), float(tree.get('slowest_period', np.nan)))

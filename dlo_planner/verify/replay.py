@@ -17,7 +17,14 @@ from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
 from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.rod import Surface, before, followed_by
-from dlo_planner.plan.checks import Judge, Margin, motion_margins, violated
+from dlo_planner.plan.checks import (
+    Judge,
+    Margin,
+    largest_wrench,
+    motion_margins,
+    violated,
+    wrench_margins,
+)
 from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.continuity import apart, passes_itself
 from dlo_planner.plan.goals import DirectionAt, PositionAt
@@ -178,21 +185,20 @@ class _Replay:
     def _at_rest(self) -> Sequence[Shape]:
         """Return the shapes of the DLO that follows the plan slowly."""
         plan, simulator, initial = self.plan, self.simulator, self.initial
-        if isinstance(simulator, DirectSimulator) and (
-                held_after(plan) is None and plan.shapes[0].holds):
-            return simulator.track(plan.grippers, self.progress.done, initial,
-                                   holds=[shape.holds for shape in plan.shapes])
         if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
             return _parts(simulator, plan, self.progress)
         if initial is None and plan.shapes[0].contacts:
             initial = plan.shapes[0]
+        # a bore is no hold of the whole DLO
+        holds = [shape.holds for shape in plan.shapes] if held_after(plan) is None else ()
         around = unplanned(simulator, plan)
         if around:
             free = simulator.without_obstacles()
-            shapes: Sequence[Shape] = free.track(plan.grippers, self.progress.done, initial)
+            shapes: Sequence[Shape] = free.track(plan.grippers, self.progress.done, initial,
+                                                 holds=holds)
             if self._clear(free, shapes, around):
                 return shapes
-        shapes = simulator.track(plan.grippers, self.progress.done, initial)
+        shapes = simulator.track(plan.grippers, self.progress.done, initial, holds=holds)
         return shapes
 
     def _clear(self, free: Simulator, shapes: Sequence[Shape],
@@ -259,7 +265,8 @@ def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
     broken = violated((
         Margin('workspace', figures.get('workspace_margin', np.inf), 'the gripper is {over:.3g} m '
                'beyond its workspace'),
-        *motion_margins(moved, missed, figures['tolerance'], means_to_touch(plan))))
+        *motion_margins(moved, missed, figures['tolerance'], means_to_touch(plan),
+                         limits=plan.wrench_limits)))
     if broken is not None:
         return broken.message
     if not np.isfinite(figures['tolerance']):
@@ -299,9 +306,9 @@ def _figures_at_rest(simulator: Simulator, plan: Plan, shapes: Sequence[Shape],
             elif isinstance(goal, DirectionAt):  # the difference of two unit vectors
                 angles.append(2 * np.arcsin(min(0.5 * missed, 1.0)))
     deviation = max(apart(*pair) for pair in zip(shapes, plan.shapes, strict=True))
-    passed = _passage(shapes)
+    passed, strained = _passage(shapes), _strained(plan, shapes)
     return {
-        **({'reason': passed} if passed else {}),
+        **({'reason': passed or strained} if passed or strained else {}),
         'converged': not passed and all(shape.converged and not shape.jumped for shape in shapes)
         and bool(deviation <= _AS_PLANNED * simulator.rod.length),
         'position_error': _worst(errors), 'misalignment': _worst(angles),
@@ -322,6 +329,15 @@ def _passage(shapes: Sequence[Shape]) -> str:
         if shape.passed_itself is True or k > 0 and shapes[k - 1].s[-1] != shape.s[-1] and (
                 passes_itself(None, shapes[k - 1], shape)):
             return f'on the way to waypoint {k} the DLO passes through itself'
+    return ''
+
+
+def _strained(plan: Plan, shapes: Sequence[Shape]) -> str:
+    """Return in words where a grip exerts more on Shapes than a Plan allows, or ''."""
+    for k, shape in enumerate(shapes):
+        broken = violated(wrench_margins(plan.wrench_limits, largest_wrench(shape)))
+        if broken is not None:
+            return f'at waypoint {k} {broken.message}'
     return ''
 
 

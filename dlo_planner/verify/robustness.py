@@ -4,7 +4,8 @@
 
 To first order, from the sensitivities of the equilibrium, for each cause separately; and sampled,
 for deviations of any size. A miss is the distance from a center to be passed of the DLO, extended
-straight where it is too short.
+straight where it is too short. Of a DLO that several grips hold it is how far any place of it is
+off (`held_robustness`).
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.held_inside import front_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
+from dlo_planner.model.holds import alike
 from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import brief, put, same
 from dlo_planner.pictured import Answer
@@ -31,6 +33,8 @@ from dlo_planner.plan.plan import Passes, Plan, passages, rooms_in_holes
 from dlo_planner.progress import OnProgress, Progress, interrupted_by
 from dlo_planner.uncertainty.parameters import CAUSES, VARIATION, Uncertainty
 from dlo_planner.uncertainty.state import UncertainState, stretched
+from dlo_planner.verify.held_robustness import errors_drawn, first_order
+from dlo_planner.verify.held_robustness import sampled as held_sampled
 
 _AT_ONCE = 25   # samples in one piece of work
 
@@ -54,8 +58,8 @@ class Robustness(Answer):
     success : float
         Part of the samples that miss by less than the room, at every waypoint: the least of the
         plan's `clearances` there, of all three parts of the DLO. Misses are across the DLO, and by
-        as much an oblique one may be displaced in any direction. nan without samples or without a
-        size of a cut-out.
+        as much an oblique one may be displaced in any direction. Of a DLO that is held elsewhere,
+        too, the room is the plan's `clearance`. nan without samples or without any room.
     """
 
     causes: tuple[str, ...]
@@ -114,12 +118,14 @@ def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertain
     simulator : DirectSimulator or GraspedInside
         DirectSimulator for which the plan was made, of the whole DLO.
     plan : Plan
-        Plan of a threading, which is examined without obstacles, or of a contact. Of a DLO that is
+        Plan of a threading, which is examined without obstacles, or of a contact; or of a DLO that
+        is held elsewhere, too, which is examined without obstacles. Of a DLO that is
         held inside, the part in front of the gripper is examined: what is uncertain of it, as its
         length, is in parts of that part. The part behind, which decides nothing in the cut-out, is
         not.
     uncertainty : Uncertainty
-        Standard deviations of the DLO and of the gripper's pose.
+        Standard deviations of the DLO and of the gripper's pose; those of each other grip are the
+        same, and independent.
     samples : int, optional
         Number of samples; 0: first order only.
     seed : int, optional
@@ -147,17 +153,25 @@ def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertain
         instance('executor', executor, Executor)
     steps = Progress(progress, deadline)
     uncertain = UncertainState(made_for, uncertainty, 1 + VARIATION)
+    rng, held = np.random.default_rng(seed), plan.shapes[0].holds
+    run: Any = map if executor is None else executor.map
+    batches = [np.zeros((0, len(plan)))]
     with interrupted_by(steps.check):
-        by_cause = _first_order(uncertain, plan, steps)
-        draws = uncertain.draw(np.random.default_rng(seed), samples)
-        work = [(uncertain, plan.shapes, plan.via_points, draws[k:k + _AT_ONCE])
-                for k in range(0, samples, _AT_ONCE)]
-        batches = [np.zeros((0, len(plan)))]
-        for batch in (map if executor is None else executor.map)(_sampled, work):
+        if held:
+            by_cause = first_order(uncertain, plan, steps)
+            errors = errors_drawn(uncertain, rng, samples, len(held))
+            found = run(held_sampled, [(uncertain, plan.shapes, errors[k:k + _AT_ONCE])
+                                       for k in range(0, samples, _AT_ONCE)])
+        else:
+            by_cause = _first_order(uncertain, plan, steps)
+            draws = uncertain.draw(rng, samples)
+            found = run(_sampled, [(uncertain, plan.shapes, plan.via_points, draws[k:k + _AT_ONCE])
+                                   for k in range(0, samples, _AT_ONCE)])
+        for batch in found:
             batches.append(batch)
-            steps.done(len(batches) - 1, len(work))
+            steps.done(len(batches) - 1, -(-samples // _AT_ONCE))
     sampled = np.concatenate(batches)
-    room = rooms_in_holes(plan).min(axis=1, initial=np.inf)
+    room = plan.clearance if held else rooms_in_holes(plan).min(axis=1, initial=np.inf)
     success = np.nan
     if samples and np.isfinite(room).any():
         success = float((sampled < room).all(axis=1).mean())
@@ -182,6 +196,9 @@ def _made_for(simulator: DirectSimulator | GraspedInside,
     if not own and not all(_acts_alike(shape, elastic) for shape in plan.shapes):
         raise InvalidTask('simulator: expected the one for which the plan was made, with its rod, '
                           'gravity and load')
+    if any(not alike(shape.holds, plan.shapes[0].holds) for shape in plan.shapes):
+        raise InvalidTask(f'plan has {len(plan.stages)} stages, in which the DLO is held '
+                          'differently: expected one')
     if any(shape.contacts for shape in plan.shapes):
         return elastic, plan
     return elastic.without_obstacles(), plan  # a rim would hold it back, and hide the miss

@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from itertools import cycle
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,7 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import (
     COLORINGS,
     GRAY,
+    ORANGE,
     VERMILION,
     Coloring,
     color_span,
@@ -77,8 +79,11 @@ def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
                  for k, tint in enumerate(tracks.values())]
     else:
         tracks = {'gripper': VERMILION} if len(value) > 1 else {}
-        path = path_primitives(value.grippers, _TICK * stage.length) if tracks else []
-        lines = [*(replace(one, color=VERMILION) for one in path), *contact_primitives(shapes[-1])]
+        ways = {'gripper': value.grippers, **value.arms} if tracks else {}
+        tracks = dict(zip(ways, cycle((VERMILION, _TIP, ORANGE)), strict=False))
+        lines = [*(replace(one, color=tracks[name]) for k, (name, poses) in enumerate(ways.items())
+                   for one in path_primitives(poses, _TICK * stage.length, k)),
+                 *contact_primitives(shapes[-1])]
     _show(frame, stage, dlo + lines, [shapes[0].gripper, shapes[-1].gripper])
     if passes or color != 'time':
         frame.color_bar(span[1], label, span[0])

@@ -50,7 +50,9 @@ def shape_primitives(shape: Shape, color: str = 'curvature') -> list[Primitive]:
 def plan_primitives(plan: Plan, cutouts: Iterable[CutOut], ghosts: int = 6) -> list[Primitive]:
     """Return all that is seen of a Plan: cut-outs, the gripper's way, margins, some shapes."""
     cutouts = items('cutouts', cutouts, CutOut)
-    return [*cutout_primitives(cutouts), *path_primitives(plan.grippers),
+    paths = [plan.grippers, *plan.arms.values()]
+    return [*cutout_primitives(cutouts),
+            *(part for k, poses in enumerate(paths) for part in path_primitives(poses, arm=k)),
             *margin_primitives(plan, cutouts), *ghost_primitives(plan.shapes, ghosts)]
 
 
@@ -138,14 +140,18 @@ def cutout_primitives(cutouts: Iterable[CutOut], length: float = _AXIS) -> list[
     return drawn
 
 
-def path_primitives(grippers: Iterable[Pose], length: float = _AXIS) -> list[Primitive]:
-    """Return the path of the gripper, 'trajectory' 0, and its directions on it, 1."""
+def path_primitives(grippers: Iterable[Pose], length: float = _AXIS,
+                    arm: int = 0) -> list[Primitive]:
+    """Return the path of the gripper, 'trajectory' 0, and its directions on it, 1.
+
+    Those of another `arm`, from 1 on: 'trajectory' 2 arm and the next.
+    """
     length, grippers = number('length', length, above=0), items('grippers', grippers, Pose)
     points = np.array([pose.position for pose in grippers]).reshape(-1, 3)
     tips = points + length * np.array([pose.direction for pose in grippers]).reshape(-1, 3)
     ticks = np.stack([points, tips], axis=1).reshape(-1, 3)
-    return [_line('trajectory', 0, _GREEN, points),
-            Primitive('trajectory', 1, 'segments', _GREEN, points=ticks,
+    return [_line('trajectory', 2 * arm, _GREEN, points),
+            Primitive('trajectory', 2 * arm + 1, 'segments', _GREEN, points=ticks,
                       size=(_LINE / 2, 0.0, 0.0))]
 
 

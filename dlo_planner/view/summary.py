@@ -22,6 +22,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.holds import named
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.value import Value
+from dlo_planner.plan.path import held_after
 from dlo_planner.plan.plan import Plan, greatest_push, rooms_in_holes
 from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
@@ -195,6 +196,11 @@ def _plan_rows(plan: Plan) -> list[Row]:
         ('depth, first to last', f'{plan.depths[0]:.4g} to {plan.depths[-1]:.4g}', 'm'),
         ('gripper, first', _point(plan.grippers[0].position), 'm'),
         ('gripper, last', _point(plan.grippers[-1].position), 'm'), *_held_rows(plan.shapes[0])]
+    for name, poses in plan.arms.items():
+        rows += [(f'{name}, first', _point(poses[0].position), 'm'),
+                 (f'{name}, last', _point(poses[-1].position), 'm')]
+    if len(plan.stages) > 1:
+        rows.append(('stages', ', '.join(stage.name for stage in plan.stages), ''))
     return rows + [(name, figure(worst), unit) for name, _, worst, unit in plan_columns(plan)]
 
 
@@ -211,7 +217,10 @@ def plan_columns(plan: Plan) -> list[tuple[str, Floats, float, str]]:
         columns.append(('margin', plan.margin, np.nanmin, 'm'))
     if np.isfinite(plan.yield_utilization).any():
         columns.append(('yield limit used', plan.yield_utilization, np.max, ''))
-    if any(shape.far_end is not None for shape in plan.shapes):
+    if held_after(plan) is None and any(shape.holds for shape in plan.shapes):
+        columns += [('force of a grip', plan.largest_force, np.max, 'N'),
+                    ('moment of a grip', plan.largest_moment, np.max, 'N m')]
+    if held_after(plan) is not None:
         _, unknown = greatest_push(plan)
         columns.append(('push into the bore, estimated' + (unknown and f' ({unknown})'),
                         plan.insertion_force, np.fmax.reduce, 'N'))

@@ -382,5 +382,17 @@ def test_a_held_far_end_stays_where_it_is_held(grip):
             way = 3 * part**2 - 2 * part**3
             plant.move(Pose.looking_along(
                 (0.03 * way, 0.05 * way, 1 + 0.04 * way), (1.0, 0.1 * way, -0.2 * way)), 0.05)
+    there = Pose.looking_along((0.72, 0.0, 1.0), (1.0, 0.1, 0.2))
+    ends = [Pose.looking_along(far.pose.position + part * (there.position - far.pose.position),
+                               (1.0, 0.2 - 0.1 * part, 0.3 - 0.1 * part))
+            for part in np.linspace(0, 1, 21)[1:]]
+    for end in ends:  # the gripper stays, the far end goes
+        plant.move(moved, 0.1, end)
+        shape = direct.solve(moved, shape, far_end=FarEnd(end, grip))
+    plant.move(moved, 2.0)
+    assert np.linalg.norm(plant.tip.position - there.position) < 1e-3
+    assert off(plant, shape) < 8e-3
+    with pytest.raises(InvalidTask, match='far_end = .* expected none, the far end is free'):
+        Plant(rod, at(), cells=8).move(at(), 0.1, there)
     with pytest.raises(InvalidTask, match='far_end.grip'):
         Plant(rod, at(), far_end=replace(far, grip='sleeve'))

@@ -223,6 +223,25 @@ def test_a_plan_is_proved(planned):
     assert float(said['stability']) == pytest.approx(report.stability, rel=1e-3)
 
 
+def test_both_ends_are_carried():
+    Path('carry.yaml').write_text(
+        '{type: Carry, to: [0, 0.1, 0.6], far_end_to: [0.35, 0.15, 0.6], '
+        'far_end: {pose: [0.35, 0, 0.6]}, max_force: 20}', encoding='utf-8')
+    result = run('plan', 'rubber_hose', 'carry.yaml', '--start', '0,0,0.6', '--prove', '-o',
+                 'carried.csv', '-o', 'carried.npz')
+    assert result.exit_code == 0, result.output
+    assert re.search(r'far_end, last +0.35, 0.15, 0.6 +m', result.output)
+    assert re.search(r'force of a grip +[0-9.]+ +N', result.output)
+    assert 'push into the bore' not in result.output and re.search(r'safe +yes', result.output)
+    with Path('carried.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    for k, y in ((0, 0.0), (-1, 0.15)):
+        assert float(rows[k]['far_end y']) == pytest.approx(y, abs=1e-9)
+    assert max(float(row['far_end vy']) for row in rows) > 0.05
+    refused = run('plan', 'rubber_hose', 'carry.yaml', '--start', '0,0,0.6', '-p', 'rod.length=0.3')
+    assert refused.exit_code == NO_SOLUTION and 'the DLO would be too short' in refused.output
+
+
 def test_a_plan_that_leaves_the_workspace_is_not_safe(planned):
     result = run('replay', 'copper_wire', 'plan.npz', *QUICK, '-p', 'workspace.upper=[-9, 9, 9]')
     assert result.exit_code == NO_SOLUTION

@@ -15,6 +15,7 @@ from visualization_msgs.msg import Marker
 from dlo_planner import (
     CutOut,
     DirectSimulator,
+    FarEnd,
     InvalidTask,
     InverseSimulator,
     Pose,
@@ -22,6 +23,7 @@ from dlo_planner import (
     Trajectory,
 )
 from dlo_planner.arm.joint_trajectory import JointTrajectory
+from dlo_planner.tasks import Carry
 from dlo_planner.view.scene import (
     axes_primitives,
     cutout_primitives,
@@ -183,6 +185,24 @@ def test_timed_trajectory_moves_the_tool_not_the_gripper():
     assert (np.ptp(spin, axis=0) > 1e-3).all()
     np.testing.assert_allclose(turning, 0.5 * (spin[1:] + spin[:-1]), atol=1e-5)
     np.testing.assert_allclose(np.gradient(spin, step, axis=0)[2:-2], twist[2:-2], atol=1e-3)
+
+
+def test_other_arms_have_a_joint_each():
+    direct = DirectSimulator(Rod(1.0, 0.05, 0.1, 0.08))
+    begin, end = (Pose((x, y, 0.0), (0, 0, 0, 1)) for x, y in ((0.7, 0.0), (0.75, 0.1)))
+    plan = InverseSimulator(direct).plan(Carry(
+        Pose((0.0, 0.1, 0.0), (0, 0, 0, 1)), end, far_end=FarEnd(begin)), start=Pose.identity())
+    way, tool = Trajectory(plan, tolerance=np.inf), Pose((0.1, 0.0, 0.2), (0.1, 0.2, 0.3, 0.9))
+    message = over_the_wire(timed_trajectory(way, 501, tool, 'world', STAMP))
+    assert message.joint_names == ['gripper', 'far_end']
+    places = np.array([(one.x, one.y, one.z) for one in (
+        point.transforms[1].translation for point in message.points)])
+    speeds = np.array([(one.x, one.y, one.z) for one in (
+        point.velocities[1].linear for point in message.points)])
+    # the hold itself, which no tool of the gripper displaces
+    np.testing.assert_allclose(places[[0, -1]], [begin.position, end.position], atol=1e-9)
+    np.testing.assert_allclose(np.gradient(places, way.duration / 500, axis=0)[2:-2],
+                               speeds[2:-2], atol=1e-4)
 
 
 def test_diagnostics():

@@ -45,7 +45,7 @@ from dlo_planner.rods import GraspedInside, with_plug
 from dlo_planner.ros.lifecycle import LATCHED
 from dlo_planner.ros.streaming import loop_task_of
 from dlo_planner.settings.tasks import task_to_yaml
-from dlo_planner.tasks import Approach, MoveTo
+from dlo_planner.tasks import Approach, Carry, MoveTo
 from msg_helpers.obstacles import obstacles_msg
 from msg_helpers.poses import pose_stamped_msg
 from msg_helpers.trajectories import poses_from_path
@@ -72,6 +72,7 @@ TASKS = {
     Approach: approach, HoldContact: lambda: HoldContact(ON_BAR, 0.5),
     SlideContact: lambda: SlideContact(ON_BAR, np.linspace(0.45, 0.55, 4)),
     Minimize: lambda: Minimize(PositionAt(1.0, (0.8, 0.0, 0.8))),
+    Carry: lambda: Carry(Pose(HERE.position + np.array([0.2, 0.1, 0.0]), HERE.quaternion)),
     MoveTo: lambda: MoveTo([Pose(HERE.position + np.array([0.0, 0.0, 0.15]), HERE.quaternion)]),
     LayOnLine: lambda: LayOnLine(Pose.looking_along((0.8, 0.0, 0.9), (1.0, 0.2, 0.0)))}
 
@@ -166,7 +167,7 @@ def test_a_proof_ends_with_a_message_of_its_own(inside, node, tell):
 @pytest.mark.parametrize(('text', 'code', 'said'), [
     ('{type: []}', 100, 'expected {type: ..., ...}'),
     ('{type: ThreadSequence, cutouts: 3}', 100, 'task.cutouts = 3: expected a list of them'),
-    ('{type: Thred}', 100, 'expected {type: ..., ...} with a type of Approach, HoldContact'),
+    ('{type: Thred}', 100, 'expected {type: ..., ...} with a type of Approach, Carry, Hold'),
     ('nothing', 100, "got 'nothing'"), ('{type: [', 100, 'task, line 1: expected YAML'),
     ('{type: Thread, contac: 1}', 100, 'task.contac: expected one of as_deep_as_possible, cutout'),
     ('{type: HoldContact, s: 0.5}', 100, 'task: expected a pose, of its own or asked for'),
@@ -306,6 +307,40 @@ def test_a_far_end_is_held_while_its_poses_come(inside, node, wrenches, capfd):
         np.testing.assert_allclose(poses_from_path(path)[-1].position, DIRECT.solve(
             level).positions[-1], atol=1e-6)
         assert 'far_end_pose: the last one is older' in capfd.readouterr().err
+    finally:
+        inside.set_parameters(far_end__hold='free', far_end__timeout=0.5)
+        inside.node.destroy_publisher(out)
+        inside.trigger('reset')
+
+
+def test_both_ends_are_carried_and_proved(inside, node, tell):
+    begin = Pose((0.0, 0.0, 1.0), (0, 0, 0, 1)), Pose((0.8, 0.0, 1.0), (0, 0, 0, 1))
+    task = Carry(Pose((0.0, 0.1, 1.0), (0, 0, 0, 1)), Pose((0.75, 0.15, 1.0), (0, 0, 0, 1)),
+                 max_force=20.0)
+    out = inside.node.create_publisher(PoseStamped, f'{inside.planner}/far_end_pose', 1)
+    assert until(out.get_subscription_count)
+    assert inside.set_parameters(far_end__hold='clamped', far_end__timeout=600.0)[0].successful
+    try:
+        inside.trigger('reset')
+        out.publish(pose_stamped_msg(begin[1], 'world', inside.node.get_clock().now().to_msg()))
+        assert until(lambda: state(node).far_end is not None)
+        inside.shape_for(begin[0])
+        drain(inside.timed)
+        code, message, _ = tell(task)
+        assert code == 0, message
+        plan = state(node).planned.plan
+        np.testing.assert_allclose(plan.far_end_poses[0].matrix, begin[1].matrix, atol=1e-9)
+        np.testing.assert_allclose(plan.far_end_poses[-1].matrix, task.far_end_to.matrix, atol=1e-9)
+        code, said, _ = inside.status_of('proof', PATIENCE)
+        assert code == 0, said
+        timed = inside.timed.get(timeout=PATIENCE)
+        assert timed.joint_names == ['gripper', 'far_end']
+        for k, pose in ((0, begin[1]), (-1, task.far_end_to)):
+            place = timed.points[k].transforms[1].translation
+            np.testing.assert_allclose((place.x, place.y, place.z), pose.position, atol=1e-9)
+        assert timed.points[len(timed.points) // 2].velocities[1].linear.y > 0
+        answer = inside.trigger('execute')
+        assert not answer.success and 'whose arms the node does not command' in answer.message
     finally:
         inside.set_parameters(far_end__hold='free', far_end__timeout=0.5)
         inside.node.destroy_publisher(out)

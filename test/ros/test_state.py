@@ -164,7 +164,16 @@ def test_cancel_ends_a_proof(proved):
     assert proved.canceled() is proved  # nothing is to be canceled
 
 
+def of_a_held_dlo(state):
+    """Return the State with the same plan of a DLO whose far end something holds, too."""
+    plan, direct = state.planned.plan, state.scene.direct
+    shapes = [direct.solve(one.gripper, one, far_end=Pose.from_rotation(
+        one.positions[-1], one.frames[-1])) for one in plan.shapes]
+    return replace(state, planned=replace(state.planned, plan=replace(plan, shapes=shapes)))
+
+
 @pytest.mark.parametrize(('spoil', 'cause', 'named'), [
+    (of_a_held_dlo, Cause.FAR_END_HELD, 'whose arms the node does not command'),
     (lambda s: replace(s, planned=None, no_plan='a box came'), Cause.NO_PLAN, 'a box came'),
     (lambda s: replace(s, proof=Proof(s.planned.plan)), Cause.PROOF_PENDING, 'ask again'),
     (lambda s: replace(s, proof=replace(s.proof, reason='it swings', cause=Cause.NOT_CALM)),

@@ -173,7 +173,7 @@ def test_beside_a_sheet_other_bodies_count_as_well(way):
 
 
 def test_of_two_motions_the_worse_figures_count():
-    one, other = (InMotion(True, *np.arange(1.0, 15.0)), InMotion(False, *np.arange(2.0, 16.0)))
+    one, other = (InMotion(True, *np.arange(1.0, 17.0)), InMotion(False, *np.arange(2.0, 18.0)))
     least = ('clearance', 'calm_clearance', 'calm_gap', 'bend_margin')
     for worse in (one.worse(other), other.worse(one)):
         assert not worse.converged

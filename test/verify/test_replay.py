@@ -191,8 +191,8 @@ def test_a_motion_that_touches_or_fails_is_not_safe(plan, good):
 
 def test_a_dlo_that_falls_into_a_planned_shape_does_not_follow(plan, monkeypatch):
     track = DirectSimulator.track
-    monkeypatch.setattr(DirectSimulator, 'track', lambda *given: [
-        replace(shape, jumped=k == 3) for k, shape in enumerate(track(*given))])
+    monkeypatch.setattr(DirectSimulator, 'track', lambda *given, **held: [
+        replace(shape, jumped=k == 3) for k, shape in enumerate(track(*given, **held))])
     report = replay(DIRECT, plan)
     assert report.deviation < 1e-6 and not report.converged
 
@@ -261,9 +261,9 @@ def test_a_range_of_friction_is_validated_where_it_is_stated(slide, monkeypatch)
         replay(over, plan, friction=-1.0)
     # both ends count: where it falls without friction alone, the range is not safe
     track = DirectSimulator.track
-    monkeypatch.setattr(DirectSimulator, 'track', lambda self, *given: [
+    monkeypatch.setattr(DirectSimulator, 'track', lambda self, *given, **held: [
         replace(shape, jumped=any(one.friction == 0 for one in self.obstacles))
-        for shape in track(self, *given)])
+        for shape in track(self, *given, **held)])
     fallen = replay(over.with_friction(0.2), plan, trajectory=report.trajectory, friction=0.3)
     assert not fallen.safe and not fallen.converged
 

@@ -18,6 +18,7 @@ from dlo_planner import (
     Capsule,
     CutOut,
     DirectSimulator,
+    FarEnd,
     InverseSimulator,
     Limits,
     Plane,
@@ -26,8 +27,10 @@ from dlo_planner import (
     replay,
 )
 from dlo_planner.errors import MissingExtra
+from dlo_planner.tasks import Carry
 from dlo_planner.view.colors import ALERT, coloring, viridis
 from dlo_planner.view.mpl import azimuth
+from dlo_planner.view.scene import plan_primitives
 from dlo_planner.view.summary import flat
 
 matplotlib.use('Agg')
@@ -58,6 +61,22 @@ def points_of(axes):
     """Return (n, 3) all points of lines in space."""
     return np.array([point for segments, _ in lines_of(axes) for line in segments
                      for point in line], dtype=float)
+
+
+def test_the_ways_of_all_arms_are_drawn_and_named():
+    direct = DirectSimulator(Rod(1.0, 0.05, 0.1, 0.08), n_elements=16, basis='local')
+    begin, end = (Pose(place, (0, 0, 0, 1)) for place in ((0.7, 0, 0), (0.75, 0.1, 0.1)))
+    plan = InverseSimulator(direct).plan(Carry(
+        Pose((0.0, 0.1, 0.0), (0, 0, 0, 1)), end, far_end=FarEnd(begin)), start=Pose.identity())
+    space, _ = in_space(plan)
+    assert is_drawn(space, [pose.position for pose in plan.far_end_poses])
+    texts = [text.get_text() for legend in space.figure.legends for text in legend.get_texts()]
+    texts += [text.get_text() for text in space.get_legend().get_texts()] if (
+        space.get_legend()) else []
+    assert {'gripper', 'far_end'} <= set(texts)
+    ids = [(one.group, one.index) for one in plan_primitives(plan, ())
+           if one.group == 'trajectory']
+    assert ids == [('trajectory', k) for k in range(4)]
 
 
 def is_drawn(axes, points):

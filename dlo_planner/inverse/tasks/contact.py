@@ -564,6 +564,7 @@ class HoldContact(Task):
     """
 
     touches: ClassVar[bool] = True
+    hangs_after: ClassVar[bool] = False
 
     contact: Pose
     s: float
@@ -583,6 +584,12 @@ class HoldContact(Task):
         if self.condition is not None:
             choice('condition', self.condition, CONDITIONS)
         super().__post_init__()
+
+    @property
+    def outwards(self) -> Floats:
+        """(3,) away from the obstacle."""
+        away: Floats = self.contact.rotation[:, 2]
+        return away
 
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan."""
@@ -648,6 +655,7 @@ class SlideContact(Task):
     """
 
     touches: ClassVar[bool] = True
+    hangs_after: ClassVar[bool] = False
 
     contact: Pose
     lengths: Floats
@@ -668,6 +676,12 @@ class SlideContact(Task):
         choice('mode', self.mode, ('aligned', 'straight'))
         instance('contact', self.contact, Pose)
         super().__post_init__()
+
+    @property
+    def outwards(self) -> Floats:
+        """(3,) away from the obstacle."""
+        away: Floats = self.contact.rotation[:, 2]
+        return away
 
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan."""

@@ -16,7 +16,7 @@ There the plan stays at one depth while the mouth takes over the weight, part by
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,7 +39,7 @@ from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.holds import FarEnd
+from dlo_planner.model.holds import BORE, Hold
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, before
 from dlo_planner.model.value import put
@@ -132,8 +132,8 @@ class Insertion(Family):
         if carried:  # a start for the DLO with the whole mass, no more
             outside = self.simulator.with_rod(self._rod(_Stop(depth, 0.0)))
             shape = replace(shape, state=shape.state.forgotten())
-        mouth = FarEnd(Pose.from_rotation(self._bore.center, shape.frames[-1]),
-                       'clamped' if carried else 'sleeve')
+        mouth = Hold(Pose.from_rotation(self._bore.center, shape.frames[-1]),
+                     'clamped' if carried else 'sleeve', by=BORE)
         return outside.solve(shape.gripper, shape, far_end=mouth)
 
     def _stops_at(self, depths: Floats) -> list[_Stop]:
@@ -230,6 +230,9 @@ class Insert(Task):
         Where the gripper holds the DLO, m from its beginning. If None, at its beginning.
     """
 
+    hangs_after: ClassVar[bool] = False
+    deepest: ClassVar[float | None] = 0.99
+
     bore: CutOut
     depths: Floats | None = None
     friction: float | None = None
@@ -247,6 +250,11 @@ class Insert(Task):
         if self.hold_at is not None:
             put(self, hold_at=number('hold_at', self.hold_at, minimum=0) or None)
         super().__post_init__()
+
+    @property
+    def held_inside(self) -> float | None:
+        """Where the gripper holds the DLO inside, m; None: at its beginning."""
+        return self.hold_at
 
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan."""

@@ -10,10 +10,11 @@ about the same path without corners.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -356,6 +357,12 @@ class Thread(Task):
     """
 
     takes_initial: ClassVar[bool] = True
+    threads: ClassVar[bool] = True
+    deepest: ClassVar[float | None] = 1.0
+    grasps_inside: ClassVar[bool] = True
+    # how obliquely it may pass stays what was asked for
+    replanned: ClassVar[Mapping[str, Any]] = MappingProxyType({
+        'method': 'coupled', 'gripper_clearance': None, 'as_deep_as_possible': False})
 
     cutout: CutOut
     depths: Floats | None = None
@@ -403,6 +410,11 @@ class Thread(Task):
         except Infeasible as error:
             error.advise = partial(advice, free, task, most)
             raise
+
+    @property
+    def held_inside(self) -> float | None:
+        """Where the gripper holds the DLO inside, m; None: at its beginning."""
+        return self.hold_at
 
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan."""

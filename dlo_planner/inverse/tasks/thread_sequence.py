@@ -10,7 +10,7 @@ continuous: the DLO, extended straight, aims at it.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -272,6 +272,9 @@ class ThreadSequence(Task):
         Arc lengths that have gone through the first one, m, or None.
     """
 
+    threads: ClassVar[bool] = True
+    deepest: ClassVar[float | None] = 1.0
+
     cutouts: tuple[CutOut, ...]
     weights: Floats | None = None
     depths: Floats | None = None
@@ -288,6 +291,11 @@ class ThreadSequence(Task):
                               f'{len(cutouts)}')
         put(self, cutouts=cutouts, weights=weights, depths=depths_or_none('depths', self.depths))
         super().__post_init__()
+
+    @property
+    def passed(self) -> tuple[CutOut, ...]:
+        """The cut-outs that the DLO passes, in their order."""
+        return self.cutouts
 
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan; one and two cut-outs are hit exactly, as by `Thread` and `ThreadTwo`."""
@@ -327,9 +335,4 @@ def threading_of(cutouts: Sequence[CutOut],
 
 def cutouts_of(task: Task | None) -> tuple[CutOut, ...]:
     """Return the cut-outs that the DLO passes in a task, in their order; none for other tasks."""
-    if isinstance(task, ThreadTwo):
-        return task.first, task.second
-    if isinstance(task, ThreadSequence):
-        return task.cutouts
-    one = getattr(task, 'cutout', None) or getattr(task, 'bore', None)
-    return () if one is None else (one,)
+    return () if task is None else task.passed

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -408,6 +408,9 @@ class ThreadTwo(Task):
         Arc lengths that have gone through the first one, m, or None.
     """
 
+    threads: ClassVar[bool] = True
+    deepest: ClassVar[float | None] = 1.0
+
     first: CutOut
     second: CutOut
     depths: Floats | None = None
@@ -421,6 +424,11 @@ class ThreadTwo(Task):
         instance('second', self.second, CutOut)
         put(self, depths=depths_or_none('depths', self.depths))
         super().__post_init__()
+
+    @property
+    def passed(self) -> tuple[CutOut, ...]:
+        """The cut-outs that the DLO passes, in their order."""
+        return self.first, self.second
 
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan: through both centers if the DLO can, else beside them if it has room."""
