@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.oracle.shapes import of_shapes, yielding_rod
+from benchmarks.scenes import GRAVITY, SCENES
 from dlo_planner import (
     Box,
     Capsule,
@@ -164,6 +165,15 @@ def stepped(given):
     for pose in poses[:5]:
         shapes.append(direct.solve(pose, shapes[-1]))
     return of_shapes(shapes[1:], rod, RUBBING, estimate=given.number % 3 == 0)
+
+
+def ordinary(given):
+    """Follow the first poses of an ordinary scene: a cable on a table, over an edge, in a corner."""
+    rod, obstacles, poses = [*SCENES.values()][given.number]()
+    direct = DirectSimulator(rod, obstacles=obstacles, gravity=GRAVITY, basis='local',
+                             n_elements=64)
+    shaken = [given.pose(pose.position, pose.quaternion) for pose in poses[:10]]
+    return of_shapes(direct.track(shaken), rod, RUBBING)
 
 
 def idle(given):

@@ -44,6 +44,7 @@ KINDS = {
     'set down': Kind(60, contacts.set_down),
     'stepped': Kind(60, contacts.stepped),
     'idle obstacle': Kind(40, contacts.idle),
+    'ordinary scene': Kind(15, contacts.ordinary),
     'held over': Kind(50, contacts.held_over),
     'grasped over': Kind(45, contacts.grasped_over),
     'yielding over a bar': Kind(40, contacts.drawn_over_a_bar),
