@@ -9,12 +9,14 @@ balance of forces, and by how much friction exceeds Coulomb's cone.
     python -m benchmarks.scenes                all scenes, 64 local elements
     python -m benchmarks.scenes laid edge      some of them
     python -m benchmarks.scenes --cap 20       no more than 20 s of CPU time for a scene
+    python -m benchmarks.scenes --drawn 1      the same with other rods and frictions, of this seed
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from time import process_time
 
 import numpy as np
@@ -152,6 +154,18 @@ SCENES: dict[str, Callable[[], Scene]] = {
     'hole': _hole, 'bar': _bar, 'channel': _channel, 'ball': _ball}
 
 
+def drawn(name: str, seed: int) -> Scene:
+    """Return a scene with other frictions, 0.2 to 0.8, and a stiffer or softer rod, if round."""
+    rod, bodies, poses = SCENES[name]()
+    rng = np.random.default_rng([seed, *name.encode()])
+    stiffer, heavier = np.exp(rng.uniform(-1.0, 1.0)), np.exp(rng.uniform(-0.5, 0.5))
+    other = Rod(rod.length, heavier * rod.mass_per_length, stiffer * np.array(rod.bending_stiffness),
+                stiffer * rod.torsional_stiffness, radius=rod.radius)
+    if rod.section is not None and rod.section.kind != 'circular':
+        other = rod
+    return other, [replace(one, friction=rng.uniform(0.2, 0.8)) for one in bodies], poses
+
+
 # ------------------------------------------------------------------------------------------------
 # The judge: distances, balance and cones by their definitions.
 
@@ -202,9 +216,9 @@ def beyond_cones(shape: Shape, bodies: list[Obstacle]) -> float:
                 for one in shape.contacts if one.force > 1e-6), default=0.0)
 
 
-def run(name: str, cap: float) -> str:
-    """Return the row of a scene."""
-    rod, bodies, poses = SCENES[name]()
+def run(name: str, cap: float, seed: int | None = None) -> str:
+    """Return the row of a scene; with a `seed` it is `drawn`."""
+    rod, bodies, poses = SCENES[name]() if seed is None else drawn(name, seed)
     direct = DirectSimulator(rod, obstacles=bodies, gravity=GRAVITY, basis='local', n_elements=64)
     times: list[float] = []
     before: Shape | None = None
@@ -248,9 +262,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description='Ordinary scenes of contact')
     parser.add_argument('names', nargs='*', choices=[*SCENES, []], help='all without')
     parser.add_argument('--cap', type=float, default=60.0, help='s of CPU time for a scene')
+    parser.add_argument('--drawn', type=int, metavar='SEED', help='with other rods and frictions')
     given = parser.parse_args()
     for name in given.names or SCENES:
-        print(run(name, given.cap), flush=True)
+        print(run(name, given.cap, given.drawn), flush=True)
 
 
 if __name__ == '__main__':
