@@ -67,7 +67,15 @@ from dlo_planner.penalties import (
 )
 from dlo_planner.rods import GraspedInside, Piecewise, Section
 from dlo_planner.scene import Scene
-from dlo_planner.tasks import Approach, Carry, MoveTo, PlanStatus, Requirements
+from dlo_planner.tasks import (
+    Approach,
+    Carry,
+    InsertPlug,
+    MoveTo,
+    PlanStatus,
+    Plug,
+    Requirements,
+)
 
 # For those who write tasks and penalties of their own: no values that are given or got.
 _OWN = {'PlanBuilder', 'PlanContext', 'Sensitivity', 'Task', 'Value', 'Waypoint', 'put',
@@ -126,7 +134,8 @@ def values():
                  ThreadSequence((hole, FAR), depths=DEPTHS), Approach(hole, plan.shapes[0], 0.05),
                  HoldContact(contact, 0.5), SlideContact(contact, [0.5]), Requirements(),
                  Minimize(PositionAt(1.0, (0.9, 0, 0.9))), MoveTo([LEVEL]), Carry(LEVEL),
-                 LayOnLine(LEVEL)]
+                 LayOnLine(LEVEL), Plug(0.05, 0.01, 0.02),
+                 InsertPlug(LEVEL, Plug(0.05, 0.01, 0.02))]
     examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01),
                  Steered(Trajectory(plan, tolerance=np.inf), [1.0, 0.5, 0.1])]
     return {type(one).__name__: one for one in examples} | {
@@ -200,7 +209,11 @@ def arguments():
         'replay.tolerance': None,
         'Motion.status': 'complete', 'integrator': 'paper',
         # tasks
-        'bore': hole, 'cutouts': [hole],
+        'bore': hole, 'cutouts': [hole], 'socket': LEVEL, 'plug': known['Plug'],
+        'InsertPlug.depths': (0.0, 0.01), 'InsertPlug.from_depths.depths': (0.0, 0.01),
+        'approach': 0.1, 'depth': 0.01, 'Plug.length': 0.05,
+        'grasp': LEVEL, 'on_dlo': np.zeros(6),
+        'Plug.wrench.gravity': (0.0, 0.0, -9.81),
         'second': FAR, **_of_tasks(known), **message_specimens.arguments(),
         'plan': known['Plan'], 'concatenate.one': known['Plan'],
         'concatenate.other': _back(known['Plan']), 'depths': DEPTHS,
