@@ -26,6 +26,7 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value
 
 _GRAVITY = np.array([0.0, 0.0, -9.81])  # m/s^2
+_EVERY = 2  # steps of time in a cycle of the hand's controller, 2 ms
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -106,11 +107,12 @@ class HeldPlug(Plant):
         fed[:3] += 0.0 if push is None else push
         self._step_is(seconds / steps)
         for k in range(1, steps + 1):
-            share = k / steps
-            goal = Pose.from_rotation(
-                begin.position + share * (gripper.position - begin.position),
-                Rotation.from_rotvec(share * turn).as_matrix() @ begin.rotation)
-            self._pull(goal, twist, fed)
+            if k % _EVERY == 1 or k == steps:
+                share = k / steps
+                goal = Pose.from_rotation(
+                    begin.position + share * (gripper.position - begin.position),
+                    Rotation.from_rotvec(share * turn).as_matrix() @ begin.rotation)
+                self._pull(goal, twist, fed)
             mujoco.mj_step(self._model, self._data)
             self._note(seconds / steps)
         self.time += seconds

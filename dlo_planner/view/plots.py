@@ -23,7 +23,12 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import COLORINGS, GRAY, ORANGE, VERMILION, Coloring, coloring, viridis
 from dlo_planner.view.mpl import Frame, Stage, draw, matplotlib
 from dlo_planner.view.primitives import Primitive
-from dlo_planner.view.scene import contact_primitives, hold_primitives, path_primitives
+from dlo_planner.view.scene import (
+    contact_primitives,
+    hold_primitives,
+    path_primitives,
+    plug_primitives,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,7 +78,7 @@ def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
         tracks = dict(zip(ways, cycle((VERMILION, _TIP, ORANGE)), strict=False))
         lines = [*(replace(one, color=tracks[name]) for k, (name, poses) in enumerate(ways.items())
                    for one in path_primitives(poses, _TICK * stage.length, k)),
-                 *contact_primitives(shapes[-1])]
+                 *contact_primitives(shapes[-1]), *plug_primitives(value)]
     _show(frame, stage, dlo + lines, [shapes[0].gripper, shapes[-1].gripper])
     frame.color_bar(top, label)
     if tracks:

@@ -191,6 +191,9 @@ def plan_columns(plan: Plan) -> list[tuple[str, Floats, float, str]]:
     if held_after(plan) is None and any(shape.holds for shape in plan.shapes):
         columns += [('force of a grip', plan.largest_force, np.max, 'N'),
                     ('moment of a grip', plan.largest_moment, np.max, 'N m')]
+    if plan.plug is not None:
+        columns += [('force at the plug\'s front', plan.plug_force, np.fmax.reduce, 'N'),
+                    ('moment at the plug\'s front', plan.plug_moment, np.fmax.reduce, 'N m')]
     if held_after(plan) is not None:
         _, unknown = greatest_push(plan)
         columns.append(('push into the bore, estimated' + (unknown and f' ({unknown})'),
@@ -258,6 +261,10 @@ def _robustness_rows(robust: Robustness) -> list[Row]:
             *((f'miss by {name.replace("_", " ")}', figure(values.max(initial=0)), 'm')
               for name, values in zip(robust.causes, robust.by_cause.T, strict=True)),
             ('samples', str(len(robust.sampled)), '')]
+    if len(robust.plug_wrenches) and not np.isnan(robust.plug_wrenches).all():
+        force, moment = np.linalg.norm(robust.plug_wrenches.reshape(-1, 2, 3), axis=2).max(axis=0)
+        rows += [('force at the plug\'s front, root mean square error', figure(force), 'N'),
+                 ('moment at the plug\'s front, root mean square error', figure(moment), 'N m')]
     if len(robust.sampled):
         rows.append((f'miss of {PART:.0%} of them', figure(robust.quantile(PART).max()), 'm'))
     return [*rows, ('part of them that gets through', figure(robust.success), '')]

@@ -144,6 +144,8 @@ def test_each_task_is_planned_as_the_library_does(inside, node, tell, bar, kind)
     grippers = made.plan.grippers[-len(known):]
     np.testing.assert_allclose([pose.matrix for pose in grippers],
                                [pose.matrix for pose in known.grippers], atol=1e-6)
+    if kind is InsertPlug:
+        assert float(values['plug force [N]']) == pytest.approx(known.plug_force.max(), rel=1e-3)
     if len(known) == 1:  # there is a way to it
         assert np.allclose(made.plan.grippers[0].matrix, start.matrix) and len(made.plan) == 2
 
