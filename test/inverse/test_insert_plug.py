@@ -257,6 +257,17 @@ def test_how_wrong_the_wrench_is_by_errors_of_the_grasp():
                                atol=1e-6)
 
 
+def test_what_hangs_where_it_is_not_thought_to_hang_turns_the_hand():
+    # a free cable and a heavy plug: moved by a deviation, their weight has another lever
+    heavy = InsertPlug(SOCKET, Plug(0.03, 0.006, 1.0), [0.0])
+    plan = inverse().plan(heavy)
+    weight = 9.81 * (1.0 + ROD.mass_per_length * ROD.length)
+    np.testing.assert_allclose(plan.plug_wrenches[-1, :3], [0, 0, weight], atol=1e-6)
+    found = robustness(inverse().simulator, plan, Uncertainty(gripper_position=2e-3))
+    turned = 2e-3 * weight
+    np.testing.assert_allclose(found.plug_wrenches[-1], [0, 0, 0, turned, turned, 0], atol=1e-6)
+
+
 def test_no_plug_has_no_error():
     plan = inverse().plan(MoveTo([ABOVE], far_end=FAR_END), start=TASK.gripper_at(-0.1))
     found = robustness(inverse().simulator, plan, Uncertainty(gripper_position=0.001))
