@@ -52,7 +52,7 @@ from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.identify import Observation, ObservedMotion, Steered, correct
 from dlo_planner.inverse.task import PlanContext, Task
-from dlo_planner.parallel import CellGrid, capability_map
+from dlo_planner.parallel import CellGrid, capability_map, which_grasp
 from dlo_planner.penalties import (
     AwayFrom,
     BentAtMost,
@@ -257,6 +257,12 @@ def arguments():
         **{f'parallel.CapabilityMap.{name}': getattr(capability(), name) for name in (
             'outcome', 'amount', 'fraction', 'clearance', 'stability', 'roll', 'start', 'gripper',
             'seconds')},
+        'grasps': (0.0, 0.1), 'parallel.which_grasp.far_ends': None,
+        'parallel.which_grasp.start': None, 'parallel.which_grasp.folder': None,
+        'parallel.GraspMap.far_ends': (None,), 'found': grasp_map(),
+        **{f'parallel.GraspMap.{name}': getattr(grasp_map(), name) for name in (
+            'outcome', 'amount', 'fraction', 'margin', 'clearance', 'stability', 'force',
+            'moment', 'seconds')},
         'name': 'wire', 'hardware_id': 'wire', 'level': b'\x00', 'message': 'ok',
         'diagnostics.diagnostics_msg.values': {'a': 1.0}, 'frame_id': 'world',
         'known': {}, 'color': 'yield', 'drawn': (),
@@ -321,6 +327,12 @@ def capability():
     """Return a CapabilityMap, which is no public type by itself."""
     return capability_map(values()['InverseSimulator'],
                           CellGrid([[0.4, 0, 1]], [[1, 0, 0]], [0.2]), depths=DEPTHS)
+
+
+@cache
+def grasp_map():
+    """Return a GraspMap, which is no public type by itself."""
+    return which_grasp(values()['InverseSimulator'], values()['Thread'], (0.0, 0.1))
 
 
 def _back(plan):

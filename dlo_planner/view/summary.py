@@ -314,6 +314,18 @@ def _shapes_rows(shapes: Any) -> list[Row]:
             ('gripper bears at most, moment', figure(moment), 'N m')]
 
 
+def _grasp_rows(found: Any) -> list[Row]:
+    """Return the rows of a GraspMap: how often there was which outcome, and the best."""
+    outcomes, counts = np.unique(found.outcome, return_counts=True)
+    rows = [(str(outcome) or 'not looked at', str(count), 'ways to hold')
+            for outcome, count in zip(outcomes, counts, strict=True)]
+    if found.best is not None:
+        grasp = found.grasps[found.best[0]]
+        rows += [('best grasp', figure(grasp) if isinstance(grasp, float) else _point(
+            grasp.position), 'm'), ('its margin', figure(found.margin[found.best]), '')]
+    return rows
+
+
 def _deviating(name: str, number: float, deviation: float) -> Row:
     return name, figure(number), (f'+- {deviation:.2g}' if np.isfinite(deviation)
                                   else 'not told by the observations')
@@ -328,4 +340,5 @@ _ROWS: dict[str, Callable[[Any], list[Row]]] = {
     'Shape': _shape_rows, 'Plan': _plan_rows, 'Motion': _motion_rows,
     'ValidationReport': _report_rows, 'Fit': _fit_rows, 'Estimate': _estimate_rows,
     'Robustness': _robustness_rows, 'Trajectory': _trajectory_rows, 'CapabilityMap': _map_rows,
+    'GraspMap': _grasp_rows,
     'Shapes': _shapes_rows}
