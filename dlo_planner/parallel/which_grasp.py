@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 PLANNED, INVALID = 'planned', 'invalid'
 _AT_ONCE = 4  # cells in one piece of work: a plan of a whole task takes up to seconds
-_MOST = 1_000_000
+_MOST = 10_000  # cells: hours of computing
 _NUMBERS = ('amount', 'fraction', 'margin', 'clearance', 'stability', 'force', 'moment', 'seconds')
 _COLUMNS: dict[str, tuple[Any, tuple[int, ...]]] = {
     'outcome': (f'<U{LONGEST}', ()), **{name: (float, ()) for name in _NUMBERS}}
@@ -194,10 +194,16 @@ def which_grasp(inverse: InverseSimulator, task: Task, grasps: Iterable[float | 
     instance('task', task, Task)
     places, ends = _grasps('grasps', grasps), _far_ends('far_ends', (
         (None,) if far_ends is None else far_ends))
+    for k, place in enumerate(places):
+        if not isinstance(place, Pose):
+            number(f'grasps[{k}]', place, below=inverse.simulator.rod.length)
     _check_held(task, places, ends)
     checked(executor)
     instance('start', start, Pose, optional=True)
     chunk, total = integer('chunk', chunk, minimum=1, maximum=_MOST), len(places) * len(ends)
+    if total > _MOST:
+        raise InvalidTask(f'grasps has {len(places)} entries, far_ends {len(ends)}: expected at '
+                          f'most {_MOST} pairs')
     query = _Query(inverse, task, places, ends, start, number('patience', patience, above=0))
     parts = answered(_lines, query, total, chunk, executor, folder, {}, Progress(
         progress, deadline))

@@ -73,10 +73,10 @@ def test_the_best_has_the_most_margin():
 
 def test_a_dlo_is_held_inside_where_it_has_the_most_margin():
     inverse = InverseSimulator(DirectSimulator(WIRE, n_elements=24, basis='local'))
-    places = (0.0, 0.3, 0.5, 1.2)
-    found = which_grasp(inverse, Thread(HOLE), places)
+    places, depths = (0.0, 0.3, 0.5, 0.8), (0.0, 0.2, 0.3)
+    found = which_grasp(inverse, Thread(HOLE, depths), places)
     assert found.outcome.ravel().tolist() == ['planned'] * 3 + ['invalid']
-    held = inverse.plan(Thread(HOLE, hold_at=0.3))
+    held = inverse.plan(Thread(HOLE, depths, hold_at=0.3))
     assert found.stability[1, 0] == pytest.approx(held.stability.min(), rel=1e-9)
     assert found.clearance[1, 0] == pytest.approx(held.clearance.min(), rel=1e-9)
     assert found.best == (2, 0)
@@ -107,6 +107,8 @@ def test_what_cannot_be_held_so_is_refused():
             (move, (0.1,), None, 'which has no hold_at'), (move, (UP,), None, 'for an InsertPlug'),
             (Thread(HOLE), (0.0,), ENDS, 'which has no far_end'),
             (Thread(HOLE), (0.0, UP), None, 'expected numbers, m, or Poses'),
+            (Thread(HOLE), (0.0, 0.5), None, r'grasps\[1\] = 0.5: expected .* 0.5'),
+            (Thread(HOLE), (0.0,) * 20_000, None, 'at most 10000'),
             (Thread(HOLE), (), None, 'grasps')):
         with pytest.raises(InvalidTask, match=word):
             which_grasp(CABLE, task, grasps, ends)
