@@ -33,6 +33,7 @@ from dlo_planner import (
     Rod,
     Sheet,
     Sphere,
+    Trajectory,
     Uncertainty,
     Workspace,
     replay,
@@ -272,6 +273,17 @@ def test_no_plug_has_no_error():
     plan = inverse().plan(MoveTo([ABOVE], far_end=FAR_END), start=TASK.gripper_at(-0.1))
     found = robustness(inverse().simulator, plan, Uncertainty(gripper_position=0.001))
     assert np.isnan(found.plug_wrenches).all()
+
+
+def test_no_shift_against_vibrations_takes_the_plug_off_its_axis():
+    soft = Rod.circular(0.5, 0.003, 1500, 3e6, 0.4, damping=0.005)  # swings, held by the hand alone
+    direct = DirectSimulator(soft, n_elements=16, basis='local')
+    plan = InverseSimulator(direct).plan(InsertPlug(SOCKET, PLUG, DEPTHS, approach=0.3))
+    motion = Trajectory(plan, Limits(), simulator=direct, tolerance=2e-4)
+    poses = motion.at(np.linspace(0, motion.duration, 200))[0]
+    off = np.array([pose.position for pose in poses]) - plan.grippers[0].position
+    along = off @ SOCKET.rotation[:, 0]
+    assert np.abs(off - along[:, None] * SOCKET.rotation[:, 0]).max() < 1e-9
 
 
 def test_the_motion_is_calm_and_proved():
