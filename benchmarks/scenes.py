@@ -159,8 +159,9 @@ def drawn(name: str, seed: int) -> Scene:
     rod, bodies, poses = SCENES[name]()
     rng = np.random.default_rng([seed, *name.encode()])
     stiffer, heavier = np.exp(rng.uniform(-1.0, 1.0)), np.exp(rng.uniform(-0.5, 0.5))
-    other = Rod(rod.length, heavier * rod.mass_per_length, stiffer * np.array(rod.bending_stiffness),
-                stiffer * rod.torsional_stiffness, radius=rod.radius)
+    other = Rod(rod.length, heavier * rod.mass_per_length,
+                stiffer * np.array(rod.bending_stiffness), stiffer * rod.torsional_stiffness,
+                radius=rod.radius)
     if rod.section is not None and rod.section.kind != 'circular':
         other = rod
     return other, [replace(one, friction=rng.uniform(0.2, 0.8)) for one in bodies], poses

@@ -5,8 +5,10 @@
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.approach import Approach
 from dlo_planner.inverse.tasks.carry import Carry
+from dlo_planner.inverse.tasks.insert_plug import InsertPlug
 from dlo_planner.inverse.tasks.move_to import MoveTo
 from dlo_planner.inverse.tasks.thread_sequence import threading_of
+from dlo_planner.model.plug import Plug
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.plan import PlanStatus, concatenate
@@ -14,6 +16,6 @@ from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 from dlo_planner.settings.tasks import read_task, task_from_yaml, task_to_yaml, write_task
 
-__all__ = ['Approach', 'Carry', 'MoveTo', 'PlanBuilder', 'PlanContext', 'PlanStatus',
-           'Requirements', 'Task', 'Waypoint', 'concatenate', 'put', 'read_task', 'task_from_yaml',
-           'task_to_yaml', 'threading_of', 'waypoint_at', 'write_task']
+__all__ = ['Approach', 'Carry', 'InsertPlug', 'MoveTo', 'PlanBuilder', 'PlanContext', 'PlanStatus',
+           'Plug', 'Requirements', 'Task', 'Waypoint', 'concatenate', 'put', 'read_task',
+           'task_from_yaml', 'task_to_yaml', 'threading_of', 'waypoint_at', 'write_task']

@@ -30,7 +30,7 @@ MAY_BE_NAN = {'position_error', 'misalignment', 'clearance', 'deviation', 'max_t
               'workspace_margin', 'mode_margin', 'tolerance', 'success', 'noise', '_estimate',
               'misfit', 'outliers', 'surprise', 'bend_margin', 'contact_force',
               'dynamic_bend_margin', 'contact_lost', 'largest_friction', 'smooth_bore_force',
-              'insertion_force', 'yield_utilization'}
+              'insertion_force', 'yield_utilization', 'plug_wrenches'}
 # what an argument is called in a message where it has another name there
 ALSO_CALLED = {'value': 'far_end', 'fraction': 's', 'stamp': 'seconds'}
 

@@ -52,7 +52,7 @@ from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.identify import Observation, ObservedMotion, Steered, correct
 from dlo_planner.inverse.task import PlanContext, Task
-from dlo_planner.parallel import CellGrid, capability_map
+from dlo_planner.parallel import CellGrid, capability_map, which_grasp
 from dlo_planner.penalties import (
     AwayFrom,
     BentAtMost,
@@ -67,7 +67,15 @@ from dlo_planner.penalties import (
 )
 from dlo_planner.rods import GraspedInside, Piecewise, Section
 from dlo_planner.scene import Scene
-from dlo_planner.tasks import Approach, Carry, MoveTo, PlanStatus, Requirements
+from dlo_planner.tasks import (
+    Approach,
+    Carry,
+    InsertPlug,
+    MoveTo,
+    PlanStatus,
+    Plug,
+    Requirements,
+)
 
 # For those who write tasks and penalties of their own: no values that are given or got.
 _OWN = {'PlanBuilder', 'PlanContext', 'Sensitivity', 'Task', 'Value', 'Waypoint', 'put',
@@ -126,7 +134,8 @@ def values():
                  ThreadSequence((hole, FAR), depths=DEPTHS), Approach(hole, plan.shapes[0], 0.05),
                  HoldContact(contact, 0.5), SlideContact(contact, [0.5]), Requirements(),
                  Minimize(PositionAt(1.0, (0.9, 0, 0.9))), MoveTo([LEVEL]), Carry(LEVEL),
-                 LayOnLine(LEVEL)]
+                 LayOnLine(LEVEL), Plug(0.05, 0.01, 0.02),
+                 InsertPlug(LEVEL, Plug(0.05, 0.01, 0.02))]
     examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01),
                  Steered(Trajectory(plan, tolerance=np.inf), [1.0, 0.5, 0.1])]
     return {type(one).__name__: one for one in examples} | {
@@ -200,7 +209,11 @@ def arguments():
         'replay.tolerance': None,
         'Motion.status': 'complete', 'integrator': 'paper',
         # tasks
-        'bore': hole, 'cutouts': [hole],
+        'bore': hole, 'cutouts': [hole], 'socket': LEVEL, 'plug': known['Plug'],
+        'InsertPlug.depths': (0.0, 0.01), 'InsertPlug.from_depths.depths': (0.0, 0.01),
+        'approach': 0.1, 'depth': 0.01, 'Plug.length': 0.05,
+        'grasp': LEVEL, 'on_dlo': np.zeros(6),
+        'Plug.wrench.gravity': (0.0, 0.0, -9.81),
         'second': FAR, **_of_tasks(known), **message_specimens.arguments(),
         'plan': known['Plan'], 'concatenate.one': known['Plan'],
         'concatenate.other': _back(known['Plan']), 'depths': DEPTHS,
@@ -244,6 +257,12 @@ def arguments():
         **{f'parallel.CapabilityMap.{name}': getattr(capability(), name) for name in (
             'outcome', 'amount', 'fraction', 'clearance', 'stability', 'roll', 'start', 'gripper',
             'seconds')},
+        'grasps': (0.0, 0.1), 'parallel.which_grasp.far_ends': None,
+        'parallel.which_grasp.start': None, 'parallel.which_grasp.folder': None,
+        'parallel.GraspMap.far_ends': (None,), 'found': grasp_map(),
+        **{f'parallel.GraspMap.{name}': getattr(grasp_map(), name) for name in (
+            'outcome', 'amount', 'fraction', 'margin', 'clearance', 'stability', 'force',
+            'moment', 'seconds')},
         'name': 'wire', 'hardware_id': 'wire', 'level': b'\x00', 'message': 'ok',
         'diagnostics.diagnostics_msg.values': {'a': 1.0}, 'frame_id': 'world',
         'known': {}, 'color': 'yield', 'drawn': (),
@@ -308,6 +327,12 @@ def capability():
     """Return a CapabilityMap, which is no public type by itself."""
     return capability_map(values()['InverseSimulator'],
                           CellGrid([[0.4, 0, 1]], [[1, 0, 0]], [0.2]), depths=DEPTHS)
+
+
+@cache
+def grasp_map():
+    """Return a GraspMap, which is no public type by itself."""
+    return which_grasp(values()['InverseSimulator'], values()['Thread'], (0.0, 0.1))
 
 
 def _back(plan):

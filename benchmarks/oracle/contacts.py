@@ -168,7 +168,7 @@ def stepped(given):
 
 
 def ordinary(given):
-    """Follow the first poses of an ordinary scene: a cable on a table, over an edge, in a corner."""
+    """Follow the first poses of an ordinary scene of `benchmarks.scenes`."""
     rod, obstacles, poses = [*SCENES.values()][given.number]()
     direct = DirectSimulator(rod, obstacles=obstacles, gravity=GRAVITY, basis='local',
                              n_elements=64)

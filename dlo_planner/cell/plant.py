@@ -201,7 +201,9 @@ class Plant:
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         spec.option.gravity = gravity
-        add_chain(add_gripper(spec, self._chain), self._chain)
+        gripper = add_gripper(spec, self._chain)
+        self._fit(gripper)
+        add_chain(gripper, self._chain)
         if far_end is not None:
             add_far_grip(spec, self._chain, far_end.grip)
         for k, obstacle in enumerate(obstacles):
@@ -218,6 +220,9 @@ class Plant:
         self._last = len(self._chain.masses)  # of the bodies that are pieces
         self._data = mujoco.MjData(model)
         self._heavy = np.append(np.full(3, model.body_mass[1]), model.body_inertia[1])
+
+    def _fit(self, gripper: Any) -> None:
+        """Add what the gripper has, as a plug that it holds, to its body: here nothing."""
 
     def _shift_sheets(self) -> None:
         for geom, owner in enumerate(self._owner):

@@ -499,7 +499,7 @@ class InverseSimulator(Value):
         judge = PlanContext(self._given, self.simulator, touching=touching,
                             requirements=requirements or self.requirements,
                             progress=progress or Progress()).demands
-        judge = replace(judge, wrench_limits=plan.wrench_limits)
+        judge = replace(judge, wrench_limits=plan.wrench_limits, plug=plan.plug)
         at = grasped_at(plan.shapes[0]) if len(plan) else None
         return judge if at is None else judge.made_with(
             GraspedInside.of(self.simulator.without_obstacles(), at))

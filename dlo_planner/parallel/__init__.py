@@ -6,6 +6,7 @@ from dlo_planner.parallel.batch import map, solve_many
 from dlo_planner.parallel.capability import CapabilityMap, CellGrid, capability_map
 from dlo_planner.parallel.shapes import Shapes
 from dlo_planner.parallel.speculation import speculative
+from dlo_planner.parallel.which_grasp import GraspMap, which_grasp
 
-__all__ = ['CapabilityMap', 'CellGrid', 'Shapes', 'capability_map', 'map', 'solve_many',
-           'speculative']
+__all__ = ['CapabilityMap', 'CellGrid', 'GraspMap', 'Shapes', 'capability_map', 'map',
+           'solve_many', 'speculative', 'which_grasp']

@@ -8,14 +8,14 @@ import hashlib
 import os
 import pickle
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from time import thread_time
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,9 +48,11 @@ from dlo_planner.progress import OnProgress, Progress, uninterrupted
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+Part: TypeAlias = dict[str, NDArray[Any]]  # of the answer: columns by name
+
 _MOST_CUTOUTS = 1_000_000_000
 _AT_ONCE = 32      # cut-outs in one piece of work
-_PATIENCE = 30.0   # s
+PATIENCE = 30.0    # s
 _NUMBERS = ('amount', 'fraction', 'clearance', 'stability', 'roll', 'seconds')
 
 THREADED, UNDECIDED = 'threaded', 'undecided'
@@ -247,7 +249,7 @@ class CapabilityMap(Answer):
 def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers = None, *,
                    starts: Iterable[Pose] = (), depths: ArrayLike | None = None,
                    folder: str | PathLike[str] | None = None, chunk: int = _AT_ONCE,
-                   patience: float = _PATIENCE, progress: OnProgress = None,
+                   patience: float = PATIENCE, progress: OnProgress = None,
                    deadline: float | None = None) -> CapabilityMap:
     """Return which cut-outs of a cell can be threaded, with what margin, by which roll and start.
 
@@ -291,41 +293,59 @@ def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers 
     chunk = integer('chunk', chunk, minimum=1, maximum=1_000_000)
     query = ReachabilityQuery(inverse, grid, starts, depths,
                               number('patience', patience, above=0))
-    steps, payload = Progress(progress, deadline), CachedPayload(query)
-    batches = [Batch(payload, begin, min(begin + chunk, len(grid)))
-               for begin in range(0, len(grid), chunk)]
-    kept, parts = None, {}
+    parts = answered(lines_of, query, len(grid), chunk, executor, folder, {
+        'positions': grid.positions, 'directions': grid.directions, 'radii': grid.radii,
+        'chunk': np.asarray(chunk)}, Progress(progress, deadline))
+    return _joined(grid, chunk, parts)
+
+
+def answered(lines: Callable[[Batch], dict[str, NDArray[Any]]], query: tuple[Any, ...], total: int,
+             chunk: int, executor: Workers, folder: str | PathLike[str] | None,
+             told: dict[str, NDArray[Any]], steps: Progress) -> dict[int, Part]:
+    """Return what workers answer to a query about `total` cells, in parts of `chunk`.
+
+    A `folder` keeps them as they are done, what is `told` of the query beside them; the same query
+    goes on with what is there.
+    """
+    payload = CachedPayload(query)
+    batches = [Batch(payload, begin, min(begin + chunk, total))
+               for begin in range(0, total, chunk)]
+    kept, parts = None, dict[int, Part]()
     if folder is not None:
-        kept = _folder_of(folder, fingerprint(tuple(query), chunk), {
-            'positions': grid.positions, 'directions': grid.directions, 'radii': grid.radii,
-            'chunk': np.asarray(chunk)})
+        kept = _folder_of(folder, fingerprint(tuple(query), chunk), told)
         parts = {k: part for k in range(len(batches)) if (part := _part_in(kept, k)) is not None}
     left = [k for k in range(len(batches)) if k not in parts]
-    done = len(grid) - sum(batches[k].end - batches[k].begin for k in left)
+    done = total - sum(batches[k].end - batches[k].begin for k in left)
 
-    def finished(index: int, part: dict[str, NDArray[Any]]) -> None:
+    def finished(index: int, part: Part) -> None:
         nonlocal done
         k = left[index]
         parts[k] = part
         if kept is not None:
             _written(kept / _PART.format(k), part)
         done += batches[k].end - batches[k].begin
-        steps.done(done, len(grid))
+        steps.done(done, total)
 
     with Pool(executor, steps.check) as pool:
-        pool.run(lines_of, (batches[k] for k in left), finished)
-    return _joined(grid, chunk, parts)
+        pool.run(lines, (batches[k] for k in left), finished)
+    return parts
 
 
-def _joined(grid: CellGrid, chunk: int,
-            parts: Mapping[int, dict[str, NDArray[Any]] | None]) -> CapabilityMap:
-    """Return the CapabilityMap of a dict of parts by number, None where one is not done."""
-    arrays = {name: np.full((len(grid), *size), _EMPTY.get(name, np.nan), dtype=kind)
-              for name, (kind, size) in COLUMNS.items()}
+def columns_of(parts: Mapping[int, Part | None], kinds: Mapping[str, tuple[Any, tuple[int, ...]]],
+               total: int, chunk: int) -> dict[str, NDArray[Any]]:
+    """Return the columns (total, ...) of parts by number; None where one is not done."""
+    arrays = {name: np.full((total, *size), _EMPTY.get(name, np.nan), dtype=kind)
+              for name, (kind, size) in kinds.items()}
     for k, part in parts.items():
         if part is not None:
-            for name in COLUMNS:
+            for name in kinds:
                 arrays[name][k * chunk:(k + 1) * chunk] = part[name]
+    return arrays
+
+
+def _joined(grid: CellGrid, chunk: int, parts: Mapping[int, Part | None]) -> CapabilityMap:
+    """Return the CapabilityMap of a dict of parts by number, None where one is not done."""
+    arrays = columns_of(parts, COLUMNS, len(grid), chunk)
     return CapabilityMap(grid, **{name: values.reshape(*grid.shape, *values.shape[1:])
                                   for name, values in arrays.items()})
 
@@ -347,7 +367,7 @@ class ReachabilityQuery(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """A piece of work: the cut-outs from `begin` up to `end` of a ReachabilityQuery."""
+    """A piece of work: the cells from `begin` up to `end` of a query."""
 
     query: CachedPayload
     begin: int
@@ -437,7 +457,7 @@ def _folder_of(folder: str | PathLike[str], name: str, task: dict[str, NDArray[A
                           f'{error}') from None
     if known != name:
         raise InvalidTask(f'folder = {shown(str(folder))}: expected one for this task, it '
-                          'has parts of another one (its cut-outs, DLO or options differ)')
+                          'has parts of another one (what is asked, its DLO or options differ)')
     return path
 
 

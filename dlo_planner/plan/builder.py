@@ -139,8 +139,9 @@ def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
 
     known: rooms at the waypoints beside everything, m, where they are.
     """
-    looked_at = demands.workspace is not None or demands.simulator is not None and (
-        plan.sheets or demands.obstacles or demands.wrench_limits != (None, None))
+    looked_at = demands.workspace is not None or demands.plug is not None or (
+        demands.simulator is not None and (
+            plan.sheets or demands.obstacles or demands.wrench_limits != (None, None)))
     if len(plan) < 2 or not plan.times[-1] > plan.times[0] or not looked_at:
         return plan
     broken = violation_between(GripperPath.of(plan), plan.shapes, plan.sheets, demands, known)

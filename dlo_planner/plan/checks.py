@@ -19,10 +19,12 @@ from dlo_planner.direct.grasp import Simulator
 from dlo_planner.direct.shape import Shape, in_itself, largest_in_elements
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle, called
+from dlo_planner.model.plug import Plug
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.margin import least_margin
+from dlo_planner.plan.plug_room import PlugRoom
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import Progress
@@ -104,6 +106,7 @@ class Judge:
     uncertainty: Uncertainty | None = None  # of the DLO and its gripper; None: the usual one
     margin: float | None = None  # least margin in a cut-out, m. If None, any
     clearance: float = 0.0  # least distance from the obstacles and sheets, m
+    plug: Plug | None = None  # in the hand
 
     def silent(self) -> Judge:
         """Return the same demands for a search, whose steps are not reported."""
@@ -117,6 +120,14 @@ class Judge:
     def _bodies(self) -> tuple[Bodies, ...]:
         return tuple(Bodies((), (obstacle,), self.surface, apart=self.clearance)
                      for obstacle in self.obstacles)
+
+    @cached_property
+    def plug_room(self) -> PlugRoom | None:
+        """What tells how far the plug in the hand is from all around; None without a plug."""
+        if self.plug is None:
+            return None
+        kept_out = () if self.workspace is None else self.workspace.keep_out
+        return PlugRoom(self.plug, (*self.obstacles, *self.touched, *kept_out))
 
     @cached_property
     def _touched_bodies(self) -> Bodies:
@@ -138,6 +149,9 @@ class Judge:
         if self.workspace is not None:
             name, room = self.workspace.min_margin(commanded or shape.gripper)
             yield Margin(name, room, f'the gripper is {{over:.3g}} m beyond {name}')
+        if self.plug_room is not None:
+            apart, touched = self.plug_room.at(commanded or shape.gripper)
+            yield Margin('plug', apart, f'the plug is {{over:.3g}} m in {verbatim(touched)}')
         if self.tolerance is not None:
             yield Margin('tolerance', self.tolerance - waypoint.position_error, 'the DLO is '
                          '{found:.3g} m off, tolerance = {limit:g} m', waypoint.position_error,

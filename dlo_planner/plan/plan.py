@@ -25,6 +25,7 @@ from dlo_planner.model.checks import choice, instance, integer, items, number, r
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.holds import BORE, FIXTURE, Hold, alike
 from dlo_planner.model.obstacles import Sheet
+from dlo_planner.model.plug import Plug
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, freeze, put
 from dlo_planner.pictured import Filmed
@@ -50,7 +51,7 @@ Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
 # fields of a Plan with an entry for each waypoint
 PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times',
                 'via_points', 'clearances', 'insertion_force', 'clearance', 'yield_utilization',
-                'insertion_status')
+                'insertion_status', 'plug_wrenches')
 # What an entry of `Plan.insertion_status` says.
 INSERTION_STATUSES = FOUND, JAMS, NO_BALANCE, NOT_LOOKED_AT = (
     'found', 'jams', 'no balance', 'not looked at')
@@ -62,14 +63,16 @@ OBLIQUE = 1e-6    # rad: a smaller `misalignment` is rounding, waypoints are exa
 _ARRAYS = {'depths': 'depths', 'misalignment': 'misalignment', 'miss': 'position_error',
            'times': 'times', 'clearances': 'clearances', 'stops': 'stops',
            'insertion_force': 'insertion_force', 'clearance': 'clearance',
-           'yield_utilization': 'yield_utilization'}  # in a file: in a Plan
+           'yield_utilization': 'yield_utilization',
+           'plug_wrenches': 'plug_wrenches'}  # in a file: in a Plan
 
 
 # named figures of the waypoints: attribute, unit, and whether larger (1) or smaller ones are worse
 _METRICS = (('position_error', 'm', 1), ('misalignment', 'rad', 1), ('clearance', 'm', -1),
             ('margin', 'm', -1), ('stability', '', -1), ('residual', '', 1),
             ('bend_margin', '1/m', -1), ('yield_utilization', '', 1),
-            ('insertion_force', 'N', 1), ('largest_force', 'N', 1), ('largest_moment', 'N m', 1))
+            ('insertion_force', 'N', 1), ('largest_force', 'N', 1), ('largest_moment', 'N m', 1),
+            ('plug_force', 'N', 1), ('plug_moment', 'N m', 1))
 
 
 class PlanStatus(Enum):
@@ -151,6 +154,11 @@ class Plan(Filmed):
         wherever the DLO is held otherwise than before, named by what holds it.
     wrench_limits : (float or None, float or None)
         Largest force (N) and moment (N m) that a grip may exert, at rest and in motion; None: any.
+    plug : Plug or None
+        The plug that the hand holds.
+    plug_wrenches : ndarray, shape (n, 6)
+        What the hand has to give at the plug's front at rest, `Plug.wrench`: world axes, force (N)
+        before moment about the front's middle (N m). nan where it holds no plug.
     """
 
     _REMEMBERED = ('margin',)
@@ -174,12 +182,16 @@ class Plan(Filmed):
     uncertainty: Uncertainty | None = None
     starts: Starts = ()
     wrench_limits: tuple[float | None, float | None] = (None, None)
+    plug: Plug | None = None
+    plug_wrenches: Floats = ()  # type: ignore[assignment]  # an array (n, 6) from then on
 
     def __post_init__(self) -> None:
         grippers = items('Plan.grippers', self.grippers, Pose)
         n = len(grippers)
         put(self, **{name: np.full(n, np.nan) for name in _MAY_BE_LEFT_OUT
                      if isinstance(getattr(self, name), tuple) and not getattr(self, name)})
+        if isinstance(self.plug_wrenches, tuple) and not self.plug_wrenches:
+            put(self, plug_wrenches=np.full((n, 6), np.nan))
         if isinstance(self.insertion_status, tuple) and not self.insertion_status:
             forces = results('Plan.insertion_force', self.insertion_force, (n,))
             put(self, insertion_status=tuple(NOT_LOOKED_AT if np.isnan(force) else FOUND
@@ -198,6 +210,8 @@ class Plan(Filmed):
             fraction=number('Plan.fraction', self.fraction, minimum=0, maximum=1),
             status=instance('Plan.status', self.status, PlanStatus),
             uncertainty=instance('Plan.uncertainty', self.uncertainty, Uncertainty, optional=True),
+            plug=instance('Plan.plug', self.plug, Plug, optional=True),
+            plug_wrenches=results('Plan.plug_wrenches', self.plug_wrenches, (n, 6)),
             insertion_status=tuple(
                 choice('Plan.insertion_status', str(one), INSERTION_STATUSES)
                 for one in items('Plan.insertion_status', self.insertion_status, str)),
@@ -416,6 +430,23 @@ class Plan(Filmed):
         return _largest(self.wrenches[:, :, 3:])
 
     @property
+    def plug_force(self) -> Floats:
+        """(n,) size of the force in `plug_wrenches`, N; nan where there is no plug."""
+        result: Floats = np.linalg.norm(self.plug_wrenches[:, :3], axis=1)
+        return result
+
+    @property
+    def plug_moment(self) -> Floats:
+        """(n,) size of the moment in `plug_wrenches`, N m; nan where there is no plug."""
+        result: Floats = np.linalg.norm(self.plug_wrenches[:, 3:], axis=1)
+        return result
+
+    @property
+    def plug_poses(self) -> tuple[Pose, ...]:
+        """The n poses of the plug's front; none without a plug."""
+        return () if self.plug is None else tuple(map(self.plug.front, self.grippers))
+
+    @property
     def residual(self) -> Floats:
         """(n,) `Shape.residual` of each waypoint."""
         return np.array([shape.residual for shape in self.shapes])
@@ -494,7 +525,8 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     ------
     InvalidTask
         The second begins elsewhere than the first ends or is held otherwise there, or both pass
-        cut-outs and their margins are for another `uncertainty` each.
+        cut-outs and their margins are for another `uncertainty` each, or the hand holds another
+        plug in each.
     """
     for name, plan in (('one', one), ('other', other)):
         if not len(instance(name, plan, Plan)):
@@ -508,8 +540,10 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     if len(known) == 2 and known[0] != known[1]:
         raise InvalidTask(f'other.uncertainty = {known[1]!r}: expected that of one, {known[0]!r}, '
                           'margins of one plan are for one uncertainty')
+    if None not in (one.plug, other.plug) and one.plug != other.plug:
+        raise InvalidTask(f'other.plug = {other.plug!r}: expected that of one, {one.plug!r}')
     (depths, grippers, shapes, misalignment, errors, times, via_points, clearances, forces, rooms,
-     used, pushes) = (
+     used, pushes, plug_wrenches) = (
         [*getattr(one, name), *getattr(other, name)[1:]] for name in PER_WAYPOINT)
     end = len(one) - 1
     times[end + 1:] = one.times[-1] + other.times[1:] - other.times[0]
@@ -525,7 +559,8 @@ def concatenate(one: Plan, other: Plan) -> Plan:
                 min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))),
                 np.array(forces), np.array(rooms), np.array(used), tuple(pushes),
                 known[-1] if known else other.uncertainty, starts,
-                _least(one.wrench_limits, other.wrench_limits))
+                _least(one.wrench_limits, other.wrench_limits), one.plug or other.plug,
+                np.array(plug_wrenches))
 
 
 def _least(one: Sequence[float | None],
@@ -653,6 +688,7 @@ def plan_tree(plan: Plan) -> dict[str, Any]:
             'fraction': plan.fraction, 'status': plan.status.value,
             'insertion_status': np.array(plan.insertion_status, dtype=str),
             'stages': json.dumps(plan.starts), 'wrench_limits': json.dumps(plan.wrench_limits),
+            'plug': json.dumps(None if plan.plug is None else _plug(plan.plug)),
             'passes': np.array(passes).reshape(-1, 8),
             'sheets': json.dumps([{**_sheet(sheet), 'normal': list(normal)}
                                   for sheet, normal in plan.sheets]),
@@ -672,6 +708,7 @@ def plan_of(tree: Mapping[str, Any]) -> Plan:
     if np.any(tree['depths']):
         shapes = [_in_bore(shape) for shape in shapes]
     known_to = json.loads(str(tree.get('uncertainty', 'null')))
+    plug = json.loads(str(tree.get('plug', 'null')))
     plan = Plan(**known | {
         'grippers': grippers, 'shapes': shapes,
         'sheets': [(_read_sheet(one), np.array(one['normal']))
@@ -683,7 +720,8 @@ def plan_of(tree: Mapping[str, Any]) -> Plan:
         'stops': tuple(int(stop) for stop in tree['stops']),
         # files of before there were stages: by what holds the DLO
         'starts': tuple(tuple(one) for one in json.loads(str(tree.get('stages', '[]')))),
-        'wrench_limits': json.loads(str(tree.get('wrench_limits', '[null, null]')))})
+        'wrench_limits': json.loads(str(tree.get('wrench_limits', '[null, null]'))),
+        'plug': plug and Plug(**plug | {'grasp': pose_of_row(plug['grasp'])})})
     margin = np.array(tree.get('margin', np.full(len(plan), np.nan)), dtype=float)
     freeze(margin)
     put(plan, margin=margin)
@@ -696,6 +734,11 @@ def _in_bore(shape: Shape) -> Shape:
         return shape
     *others, end = shape.holds
     return replace(shape, holds=(*others, Hold(end.pose, end.grip, by=BORE)))
+
+
+def _plug(plug: Plug) -> dict[str, Any]:
+    return {'length': plug.length, 'radius': plug.radius, 'mass': plug.mass,
+            'grasp': pose_row(plug.grasp).tolist()}
 
 
 def _sheet(sheet: Sheet) -> dict[str, Any]:

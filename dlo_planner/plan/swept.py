@@ -82,6 +82,12 @@ def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequen
             place, name, amount = beyond
             outside = Margin(name, -amount, 'on the way there the gripper comes {over:.3g} m '
                              f'beyond {name}', place=place)
+    touched = None if demands.plug_room is None else demands.plug_room.first_touch(path)
+    if touched is not None and (outside is None or outside.place is None
+                                or touched[0] < outside.place):
+        place, amount, body = touched
+        outside = Margin('plug', -amount, 'on the way there the plug comes {over:.3g} m into '
+                         + verbatim(body), place=place)
     limited = demands.wrench_limits != (None, None)
     if demands.simulator is None or not (sheets or demands.obstacles or limited) or any(
             shape.s[-1] != demands.simulator.rod.length for shape in shapes):

@@ -175,13 +175,13 @@ def _side(axis: int, sign: float, limit: float) -> Rooms:
 def _body(scene: Scene, o: int) -> Rooms:
     """Return the rooms' function of a body of a Scene."""
     def rooms(places: Floats) -> tuple[Floats, Floats]:
-        distances, slopes = _distances(scene, o, np.array(places))
+        distances, slopes = distances_from(scene, o, np.array(places))
         return distances - scene.radius, slopes
     return rooms
 
 
 @kernel
-def _distances(scene: Scene, o: int, places: Floats) -> tuple[Floats, Floats]:
+def distances_from(scene: Scene, o: int, places: Floats) -> tuple[Floats, Floats]:
     """Return signed distances (n,) of places (n, 3) from the body `o`, and their slopes (n, 3)."""
     rooms, slopes = np.empty(places.shape[0]), np.empty(places.shape)
     bend = np.empty((3, 3))

@@ -240,7 +240,7 @@ class PlanningServer(Part):
         self._prove()
         outcome.message = f'{len(plan)} gripper poses'
         outcome.values = {'task': type(task).__name__, 'plan stamp': stamp_text(stamp),
-                          'seconds': seconds, **figures}
+                          'seconds': seconds, **figures, **_of_plug(plan)}
         self.status.info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
                          f'largest miss {plan.position_error.max():.1e} m, '
                          f'smallest stability {plan.stability.min():.2f}{said}')
@@ -330,6 +330,13 @@ def _held_same(one: FarEnd | None, other: FarEnd | None) -> bool:
     if one is None or other is None:
         return one is other
     return one.grip == other.grip and _same(one.pose, other.pose)
+
+
+def _of_plug(plan: Plan) -> dict[str, float]:
+    """Return what a hand gives at its plug's front at most; nothing without one."""
+    return {} if plan.plug is None else {
+        'plug force [N]': float(np.nanmax(plan.plug_force)),
+        'plug moment [N m]': float(np.nanmax(plan.plug_moment))}
 
 
 def _same(one: Pose, other: Pose) -> bool:

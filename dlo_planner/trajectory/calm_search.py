@@ -67,7 +67,7 @@ def leg_tasks(simulator: Simulator, plan: Plan, path: GripperPath, limits: Limit
         tasks.append(LegTask(leg, response, limits, holes_passed(plan, response.parameters),
                              leg is path.legs[-1],
                              tuple(_wrong(one, factor, response, leg, path.arms, begins, check)
-                                   for factor, one in wrong.items())))
+                                   for factor, one in wrong.items()), plan.plug is not None))
     return tasks
 
 

@@ -121,6 +121,7 @@ class LegTask:
     last: bool  # whether the plan ends with it
     # responses, at the same parameters, of DLOs whose stiffness is wrong
     wrong: tuple[Response, ...] = ()
+    on_path: bool = False  # whether the gripper may not be shifted, for a plug that it holds
 
     @cached_property
     def cases(self) -> list[Case]:
@@ -241,8 +242,9 @@ def _within_limits(task: LegTask, law: TimeLaw, begins: Sequence[Floats], shifte
                    check: Callable[[], None]) -> TimeLaw:
     """Return a TimeLaw that keeps the limits, with the shift that helps most if it is `shifted`."""
     law = smoothed(task.leg, task.limits, law.parameters, law.rates, law.windows)
-    # a shift of the gripper alone does not take along what others hold
-    for _ in range(_ROUNDS if shifted and not task.response.held else 0):
+    # a shift of the gripper alone does not take along what others hold; a plug would leave its axis
+    fixed = task.response.held or task.on_path
+    for _ in range(_ROUNDS if shifted and not fixed else 0):
         shift = compensated(task, law, begins, check)
         if shift is None:
             break

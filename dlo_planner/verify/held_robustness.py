@@ -18,13 +18,14 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.holds import Holds, posed
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import Progress
 from dlo_planner.uncertainty.parameters import CAUSES
 from dlo_planner.uncertainty.state import UncertainState, stretched
 
+_OF_GRIPS = 'gripper_rotation', 'gripper_position'  # causes
 _PLACES = 33  # of the DLO, at which misses to first order are looked at
 
 Work: TypeAlias = tuple[UncertainState, Sequence[Shape], Floats]
@@ -79,6 +80,57 @@ def _by_rod(uncertain: UncertainState, shape: Shape, name: str) -> float:
             ends.append(found.positions_at(s * rod.length))
         squares += (((ends[1] - ends[0]) / 2)**2).sum(axis=1)
     return float(np.sqrt(squares.max()))
+
+
+def plug_deviations(uncertain: UncertainState, plan: Plan, gravity: Floats,
+                    progress: Progress) -> Floats:
+    """Return (n, 6) standard deviations of `Plan.plug_wrenches`, to first order; nan: no plug.
+
+    By differences of solves, one deviation to either side of each grip and property; the errors are
+    those of `first_order`. They are about the front where it is thought to be.
+    """
+    out = np.full((len(plan), 6), np.nan)
+    for k, shape in enumerate(plan.shapes if plan.plug is not None else ()):
+        progress.check()
+        squares = np.zeros(6)
+        for index, (cause, deviation) in enumerate(zip(uncertain.causes, uncertain.deviations,
+                                                       strict=True)):
+            if cause in _OF_GRIPS:
+                # each number of the state is one axis of each grip
+                axis = int(uncertain.columns(cause)[0].tolist().index(index))
+                twist = np.zeros(6)
+                twist[axis + (0 if cause == _OF_GRIPS[0] else 3)] = deviation
+                ends = [[_plug_wrench(plan, shape, gravity, uncertain, grip, sign * twist)
+                         for sign in (-1, 1)] for grip in range(1 + len(shape.holds))]
+            else:
+                z = np.zeros(uncertain.size)
+                z[index] = deviation
+                ends = [[_plug_wrench(plan, shape, gravity, uncertain, 0, np.zeros(6), sign * z)
+                         for sign in (-1, 1)]]
+            squares += sum((0.5 * (after - before))**2 for before, after in ends)
+        out[k] = np.sqrt(squares)
+    return out
+
+
+def _plug_wrench(plan: Plan, shape: Shape, gravity: Floats, uncertain: UncertainState, grip: int,
+                 twist: Floats, z: Floats | None = None) -> Floats:
+    """Return (6,) what the hand has to give if a grip is off by a twist, and the DLO by z.
+
+    Infinite where there is no such shape.
+    """
+    assert plan.plug is not None
+    rod = uncertain.simulator.rod if z is None else uncertain.rod(z)
+    gripper = displaced(shape.gripper, twist) if grip == 0 else shape.gripper
+    holds = tuple(posed(hold, displaced(hold.pose, twist)) if grip == k else hold
+                  for k, hold in enumerate(shape.holds, start=1))
+    simulator = uncertain.simulator if z is None else uncertain.simulator.with_rod(rod)
+    found = simulator.solve(gripper, stretched(shape, rod.length), holds=holds)
+    if not found.converged:
+        return np.full(6, np.inf)
+    wrench = plan.plug.wrench(gripper, found.gripper_wrench, gravity)
+    shift = plan.plug.front(gripper).position - plan.plug.front(shape.gripper).position
+    wrench[3:] += np.cross(shift, wrench[:3])
+    return wrench
 
 
 def sampled(work: Work) -> Floats:

@@ -33,7 +33,7 @@ from dlo_planner.plan.plan import Passes, Plan, passages, rooms_in_holes
 from dlo_planner.progress import OnProgress, Progress, interrupted_by
 from dlo_planner.uncertainty.parameters import CAUSES, VARIATION, Uncertainty
 from dlo_planner.uncertainty.state import UncertainState, stretched
-from dlo_planner.verify.held_robustness import errors_drawn, first_order
+from dlo_planner.verify.held_robustness import errors_drawn, first_order, plug_deviations
 from dlo_planner.verify.held_robustness import sampled as held_sampled
 
 _AT_ONCE = 25   # samples in one piece of work
@@ -60,6 +60,10 @@ class Robustness(Answer):
         plan's `clearances` there, of all three parts of the DLO. Misses are across the DLO, and by
         as much an oblique one may be displaced in any direction. Of a DLO that is held elsewhere,
         too, the room is the plan's `clearance`. nan without samples or without any room.
+    plug_wrenches : ndarray, shape (n, 6)
+        Standard deviations of `Plan.plug_wrenches`, to first order, N and N m, world axes: by how
+        much what the hand feeds forward is wrong. Infinite where a deviation leaves no shape; nan
+        where no plug is held.
     """
 
     causes: tuple[str, ...]
@@ -67,18 +71,22 @@ class Robustness(Answer):
     first_order: Floats
     sampled: Floats
     success: float
+    plug_wrenches: Floats = ()  # type: ignore[assignment]  # an array (n, 6) from then on
 
     def __post_init__(self) -> None:
         causes = items('Robustness.causes', self.causes, str, least=1)
         first_order = results('Robustness.first_order', self.first_order, (None,))
         by_cause = results('Robustness.by_cause', self.by_cause, (None, len(causes)))
         n = len(by_cause)
+        if isinstance(self.plug_wrenches, tuple) and not self.plug_wrenches:
+            put(self, plug_wrenches=np.full((n, 6), np.nan))
         if first_order.size != n:
             raise InvalidTask(f'Robustness.by_cause has {n} rows, Robustness.first_order '
                               f'{first_order.size} entries: expected as many')
         put(self, causes=causes, first_order=first_order, by_cause=by_cause,
             sampled=results('Robustness.sampled', self.sampled, (None, n)),
-            success=figure('Robustness.success', self.success))
+            success=figure('Robustness.success', self.success),
+            plug_wrenches=results('Robustness.plug_wrenches', self.plug_wrenches, (n, 6)))
         super().__post_init__()
 
     def __repr__(self) -> str:
@@ -157,6 +165,7 @@ def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertain
     run: Any = map if executor is None else executor.map
     batches = [np.zeros((0, len(plan)))]
     with interrupted_by(steps.check):
+        plug_wrenches = plug_deviations(uncertain, plan, made_for.surroundings.gravity, steps)
         if held:
             by_cause = first_order(uncertain, plan, steps)
             errors = errors_drawn(uncertain, rng, samples, len(held))
@@ -175,7 +184,8 @@ def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertain
     success = np.nan
     if samples and np.isfinite(room).any():
         success = float((sampled < room).all(axis=1).mean())
-    return Robustness(CAUSES, by_cause, np.sqrt((by_cause**2).sum(axis=1)), sampled, success)
+    return Robustness(CAUSES, by_cause, np.sqrt((by_cause**2).sum(axis=1)), sampled, success,
+                      plug_wrenches)
 
 
 def _made_for(simulator: DirectSimulator | GraspedInside,

@@ -32,6 +32,7 @@ _PLOTS: dict[str, Callable[..., 'Figure']] = {
     'Trajectory': charts.plot_trajectory, 'Shapes': charts.plot_shapes}
 _THUMBNAIL, _DPI = (4.6, 3.1), 72  # inches
 plot_map = charts.plot_map  # see `CapabilityMap.plot`
+plot_grasps = charts.plot_grasps  # see `GraspMap.plot`
 animate = film  # see `Filmed.animate`
 
 

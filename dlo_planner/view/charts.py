@@ -326,6 +326,28 @@ def plot_map(capability: Any, across: int, quantity: str, label: str) -> Figure:
     return figure
 
 
+def plot_grasps(found: Any) -> Figure:
+    """Return the Figure of a GraspMap, see `GraspMap.plot`."""
+    rows, columns = found.outcome.shape
+    figure: Figure = matplotlib('.figure').Figure(
+        figsize=(3.0 + 1.4 * columns, 1.5 + 0.5 * rows), layout='constrained')
+    axes = figure.add_subplot()
+    drawn = axes.imshow(np.where(found.planned, found.margin, np.nan), cmap='viridis', vmin=0.0,
+                        aspect='auto', origin='lower')
+    for (g, f), outcome in np.ndenumerate(found.outcome):
+        if not found.planned[g, f]:
+            axes.text(f, g, outcome or 'not looked at', ha='center', va='center', fontsize=8)
+    if found.best is not None:
+        axes.plot(*found.best[::-1], '*', color='tab:red', ms=12)
+    held = [f'{one:.3g} m' if isinstance(one, float) else f'{k}'
+            for k, one in enumerate(found.grasps)]
+    axes.set(xticks=range(columns), yticks=range(rows), yticklabels=held, xlabel='far end',
+             ylabel='grasp')
+    figure.colorbar(drawn, ax=axes, label='margin')
+    figure.suptitle(repr(found), fontsize=9)
+    return figure
+
+
 def _best(capability: Any, quantity: str) -> Floats:
     """Return (P,) the quantity of a picture at each position; nan where nothing can be threaded."""
     threaded = capability.threaded

@@ -32,7 +32,12 @@ from dlo_planner.view.colors import (
 )
 from dlo_planner.view.mpl import Frame, Stage, draw, matplotlib
 from dlo_planner.view.primitives import Primitive
-from dlo_planner.view.scene import contact_primitives, hold_primitives, path_primitives
+from dlo_planner.view.scene import (
+    contact_primitives,
+    hold_primitives,
+    path_primitives,
+    plug_primitives,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,7 +88,7 @@ def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
         tracks = dict(zip(ways, cycle((VERMILION, _TIP, ORANGE)), strict=False))
         lines = [*(replace(one, color=tracks[name]) for k, (name, poses) in enumerate(ways.items())
                    for one in path_primitives(poses, _TICK * stage.length, k)),
-                 *contact_primitives(shapes[-1])]
+                 *contact_primitives(shapes[-1]), *plug_primitives(value)]
     _show(frame, stage, dlo + lines, [shapes[0].gripper, shapes[-1].gripper])
     if passes or color != 'time':
         frame.color_bar(span[1], label, span[0])

@@ -14,7 +14,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.holds import FIXTURE
-from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane, Sheet, Solid
+from dlo_planner.model.obstacles import OBSTACLES, Capsule, Obstacle, Plane, Sheet, Solid
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, rooms_in_holes
 from dlo_planner.view.colors import GRAY, ORANGE, SKY_BLUE, VERMILION, coloring, viridis
@@ -100,6 +100,16 @@ def hold_primitives(shape: Shape, length: float = _AXIS) -> list[Primitive]:
         name = 'far end' if hold.s is None and hold.by == FIXTURE else hold.by
         drawn.append(_text('hold force', index, at + (0.0, 0.0, 2 * letter),
                            f'{name} {force:.3g} N', letter))
+    return drawn
+
+
+def plug_primitives(plan: Plan) -> list[Primitive]:
+    """Return the plug in the hand at the first and last waypoint of a Plan; none without one."""
+    plug, drawn = instance('plan', plan, Plan).plug, list[Primitive]()
+    for pose in () if plug is None else plan.plug_poses[::max(len(plan) - 1, 1)]:
+        rear, front = (pose.position + x * pose.rotation[:, 0] for x in plug.ends)
+        drawn += [_solid('plug', len(drawn) + k, solid)
+                  for k, solid in enumerate(Capsule(rear, front, plug.radius).solids)]
     return drawn
 
 

@@ -220,6 +220,9 @@ def plan_columns(plan: Plan) -> list[tuple[str, Floats, float, str]]:
     if held_after(plan) is None and any(shape.holds for shape in plan.shapes):
         columns += [('force of a grip', plan.largest_force, np.max, 'N'),
                     ('moment of a grip', plan.largest_moment, np.max, 'N m')]
+    if plan.plug is not None:
+        columns += [('force at the plug\'s front', plan.plug_force, np.fmax.reduce, 'N'),
+                    ('moment at the plug\'s front', plan.plug_moment, np.fmax.reduce, 'N m')]
     if held_after(plan) is not None:
         _, unknown = greatest_push(plan)
         columns.append(('push into the bore, estimated' + (unknown and f' ({unknown})'),
@@ -287,6 +290,10 @@ def _robustness_rows(robust: Robustness) -> list[Row]:
             *((f'miss by {name.replace("_", " ")}', figure(values.max(initial=0)), 'm')
               for name, values in zip(robust.causes, robust.by_cause.T, strict=True)),
             ('samples', str(len(robust.sampled)), '')]
+    if len(robust.plug_wrenches) and not np.isnan(robust.plug_wrenches).all():
+        force, moment = np.linalg.norm(robust.plug_wrenches.reshape(-1, 2, 3), axis=2).max(axis=0)
+        rows += [('force at the plug\'s front, root mean square error', figure(force), 'N'),
+                 ('moment at the plug\'s front, root mean square error', figure(moment), 'N m')]
     if len(robust.sampled):
         rows.append((f'miss of {PART:.0%} of them', figure(robust.quantile(PART).max()), 'm'))
     return [*rows, ('part of them that gets through', figure(robust.success), '')]
@@ -346,6 +353,18 @@ def unit_of(name: str) -> str:
     return _FITTED.get(name, _FITTED.get(name.split('[', maxsplit=1)[0], ''))
 
 
+def _grasp_rows(found: Any) -> list[Row]:
+    """Return the rows of a GraspMap: how often there was which outcome, and the best."""
+    outcomes, counts = np.unique(found.outcome, return_counts=True)
+    rows = [(str(outcome) or 'not looked at', str(count), 'ways to hold')
+            for outcome, count in zip(outcomes, counts, strict=True)]
+    if found.best is not None:
+        grasp = found.grasps[found.best[0]]
+        rows += [('best grasp', figure(grasp) if isinstance(grasp, float) else _point(
+            grasp.position), 'm'), ('its margin', figure(found.margin[found.best]), '')]
+    return rows
+
+
 def _deviating(name: str, number: float, deviation: float) -> Row:
     said = f'+- {deviation:.2g}' if np.isfinite(deviation) else 'not told by the observations'
     return name, figure(number), f'{said} {unit_of(name)}'.rstrip()
@@ -367,4 +386,5 @@ _ROWS: dict[str, Callable[[Any], list[Row]]] = {
     'Shape': _shape_rows, 'SectionForces': _inside_rows, 'Plan': _plan_rows, 'Motion': _motion_rows,
     'ValidationReport': _report_rows, 'Fit': _fit_rows, 'Estimate': _estimate_rows,
     'Robustness': _robustness_rows, 'Trajectory': _trajectory_rows, 'CapabilityMap': _map_rows,
+    'GraspMap': _grasp_rows,
     'Shapes': _shapes_rows}

@@ -242,6 +242,21 @@ def test_both_ends_are_carried():
     assert refused.exit_code == NO_SOLUTION and 'the DLO would be too short' in refused.output
 
 
+def test_a_plug_is_inserted():
+    Path('plug.yaml').write_text(
+        '{type: InsertPlug, socket: {position: [-0.2, 0, 0.6], quaternion: [0, 0, 1, 0]}, '
+        'plug: {length: 0.05, radius: 0.01, mass: 0.1}, depths: [0, 0.02], '
+        'far_end: {pose: [0.25, 0, 0.6]}}', encoding='utf-8')
+    result = run('plan', 'rubber_hose', 'plug.yaml', '--start', '0,0,0.6', '-o', 'plug.npz')
+    assert result.exit_code == 0, result.output
+    assert re.search(r'stages +approach, insert', result.output)
+    assert re.search(r"force at the plug's front +[0-9.]+ +N", result.output)
+    plan = Plan.load('plug.npz')
+    assert plan.plug.mass == 0.1 and np.isfinite(plan.plug_wrenches).all()
+    refused = run('plan', 'rubber_hose', 'plug.yaml', '--start', '0,0,0.6', '-p', 'rod.length=0.3')
+    assert refused.exit_code == NO_SOLUTION and 'the cable would be too short' in refused.output
+
+
 def test_a_plan_that_leaves_the_workspace_is_not_safe(planned):
     result = run('replay', 'copper_wire', 'plan.npz', *QUICK, '-p', 'workspace.upper=[-9, 9, 9]')
     assert result.exit_code == NO_SOLUTION

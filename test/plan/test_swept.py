@@ -29,7 +29,7 @@ from dlo_planner.energy.scene import build_scene
 from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import PlanStatus, concatenate
-from dlo_planner.plan.workspace import _distances
+from dlo_planner.plan.workspace import distances_from
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 DIRECT = DirectSimulator(WIRE)
@@ -111,7 +111,7 @@ def test_random_bodies_against_dense_samples(rng):
         u, way = places(plan, 8001)
         body, radius = random_body(rng, way[rng.integers(way.shape[0])]), rng.choice([2e-3, 0.02])
         scene = build_scene([body], radius)
-        rooms = np.min([_distances(scene, o, way)[0] for o in range(scene.kind.size)],
+        rooms = np.min([distances_from(scene, o, way)[0] for o in range(scene.kind.size)],
                        axis=0) - radius
         found = Workspace(keep_out=[body], gripper_radius=radius).first_beyond(GripperPath.of(plan))
         if found is None:
@@ -137,7 +137,7 @@ def test_a_gripper_that_turns_in_place_or_rides_along_a_wall_is_judged_at_once()
                            (riding, Plane((0, 0, 1e6), (1e-9, 0, 1)))):
         path = GripperPath.through(grippers, range(len(grippers)), 1.0)
         scene = build_scene([wall], 0.0)
-        amount = -_distances(scene, 0, path.at(np.linspace(0, 1, 11))[0])[0].min()
+        amount = -distances_from(scene, 0, path.at(np.linspace(0, 1, 11))[0])[0].min()
         assert amount > 0
         goal, name, most = Workspace(keep_out=[wall]).first_beyond(path)
         assert (goal, name) == (1, 'workspace.keep_out[0]')

@@ -45,7 +45,7 @@ from dlo_planner.rods import GraspedInside, with_plug
 from dlo_planner.ros.lifecycle import LATCHED
 from dlo_planner.ros.streaming import loop_task_of
 from dlo_planner.settings.tasks import task_to_yaml
-from dlo_planner.tasks import Approach, Carry, MoveTo
+from dlo_planner.tasks import Approach, Carry, InsertPlug, MoveTo, Plug
 from msg_helpers.obstacles import obstacles_msg
 from msg_helpers.poses import pose_stamped_msg
 from msg_helpers.trajectories import poses_from_path
@@ -73,6 +73,9 @@ TASKS = {
     SlideContact: lambda: SlideContact(ON_BAR, np.linspace(0.45, 0.55, 4)),
     Minimize: lambda: Minimize(PositionAt(1.0, (0.8, 0.0, 0.8))),
     Carry: lambda: Carry(Pose(HERE.position + np.array([0.2, 0.1, 0.0]), HERE.quaternion)),
+    InsertPlug: lambda: InsertPlug(
+        HERE.compose(Pose((-0.2, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))),
+        Plug(0.05, 0.005, 0.02)),
     MoveTo: lambda: MoveTo([Pose(HERE.position + np.array([0.0, 0.0, 0.15]), HERE.quaternion)]),
     LayOnLine: lambda: LayOnLine(Pose.looking_along((0.8, 0.0, 0.9), (1.0, 0.2, 0.0)))}
 
@@ -141,6 +144,8 @@ def test_each_task_is_planned_as_the_library_does(inside, node, tell, bar, kind)
     grippers = made.plan.grippers[-len(known):]
     np.testing.assert_allclose([pose.matrix for pose in grippers],
                                [pose.matrix for pose in known.grippers], atol=1e-6)
+    if kind is InsertPlug:
+        assert float(values['plug force [N]']) == pytest.approx(known.plug_force.max(), rel=1e-3)
     if len(known) == 1:  # there is a way to it
         assert np.allclose(made.plan.grippers[0].matrix, start.matrix) and len(made.plan) == 2
 
