@@ -86,6 +86,7 @@ _STIFF = 100.0
 # Of the flow: at rest with such a residual, at first and well; steps at most; how often it leaves
 # a saddle. What is as near (`_CLOSE`) is brought to rest exactly, with so many Newton steps.
 _RESTS, _RESTS_WELL, _MOST_FLOW, _MOST_FALLS, _CLOSE, _POLISH = 1e-6, 1e-9, 250, 3, 1e-4, 6
+_MANY = 4  # points that bear: a DLO that lies on something
 _KEPT, _KEPT_WELL = 9e-7, 2e-8  # of the length: violation there, and where no more is tried
 # How often limits of friction are set to those of the forces, and a relative change that is none
 _CYCLES, _SAME_LIMIT = 4, 1e-6
@@ -200,10 +201,12 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
         if steps >= max_iterations or attempt >= len(_ROUGH) or interrupted():
             break
         # (a DLO that is set down has no way along which it could have rubbed; what moves or is
-        # held has more to obey)
+        # held has more to obey; and a series waves between few points)
         if attempt == 0 and not (on_a_way or tried or past.shape[0] == 0
                                  or has_inertia(system.effects.anchor)
-                                 or row_count(system.needs.border) > 0):
+                                 or row_count(system.needs.border) > 0
+                                 or system.basis.shape[1] > 0
+                                 and _bearing(system.effects.contact.contacts) < _MANY):
             reaction = reaction_of(hold, row_count(system.needs.border))
             rests, state, residual, stability, moves, falls, loaded, violation = _settled(
                 there, begin, past, tolerance, exact, max_iterations - steps, check, beside)
@@ -231,6 +234,18 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
     there = with_contacts(there, contacts, there.effects.contact.scene)
     state, residual, _, violation = kkt_residual(there, begin)
     return state, residual, np.nan, steps, kicks, there, violation
+
+
+@kernel
+def _bearing(contacts):
+    """Return how many points are known to bear."""
+    count = 0
+    for o in range(contacts.node.shape[0]):
+        for k in range(contacts.node.shape[1]):
+            count += contacts.node[o, k] > 0.0
+    for c in range(contacts.element.size):
+        count += contacts.obstacle[c] >= 0 and contacts.multiplier[c] > 0.0
+    return count
 
 
 @kernel
