@@ -86,7 +86,8 @@ _STIFF = 100.0
 # Of the flow: at rest with such a residual, at first and well; steps at most; how often it leaves
 # a saddle. What is as near (`_CLOSE`) is brought to rest exactly, with so many Newton steps.
 _RESTS, _RESTS_WELL, _MOST_FLOW, _MOST_FALLS, _CLOSE, _POLISH = 1e-6, 1e-9, 250, 3, 1e-4, 6
-_MANY = 4  # points that bear: a DLO that lies on something
+# Points that bear of a DLO that lies on something; attempts that are made before, where fewer do
+_MANY, _TRIES = 4, 2
 _KEPT, _KEPT_WELL = 9e-7, 2e-8  # of the length: violation there, and where no more is tried
 # How often limits of friction are set to those of the forces, and a relative change that is none
 _CYCLES, _SAME_LIMIT = 4, 1e-6
@@ -201,12 +202,12 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
         if steps >= max_iterations or attempt >= len(_ROUGH) or interrupted():
             break
         # (a DLO that is set down has no way along which it could have rubbed; what moves or is
-        # held has more to obey; and a series waves between few points)
-        if attempt == 0 and not (on_a_way or tried or past.shape[0] == 0
-                                 or has_inertia(system.effects.anchor)
-                                 or row_count(system.needs.border) > 0
-                                 or system.basis.shape[1] > 0
-                                 and _bearing(system.effects.contact.contacts) < _MANY):
+        # held has more to obey; between few points a series waves, and relaxation is as quick)
+        many = _bearing(there.effects.contact.contacts) >= _MANY
+        if attempt == (0 if many else _TRIES) and not (
+                on_a_way or tried or past.shape[0] == 0 or has_inertia(system.effects.anchor)
+                or row_count(system.needs.border) > 0
+                or system.basis.shape[1] > 0 and not many):
             reaction = reaction_of(hold, row_count(system.needs.border))
             rests, state, residual, stability, moves, falls, loaded, violation = _settled(
                 there, begin, past, tolerance, exact, max_iterations - steps, check, beside)
