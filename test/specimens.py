@@ -259,7 +259,7 @@ def arguments():
             'seconds')},
         'grasps': (0.0, 0.1), 'parallel.which_grasp.far_ends': None,
         'parallel.which_grasp.start': None, 'parallel.which_grasp.folder': None,
-        'parallel.GraspMap.far_ends': (None,), 'found': grasp_map(),
+        'parallel.GraspMap.far_ends': (None,), 'found': grasp_map(), 'Fit.found': (),
         **{f'parallel.GraspMap.{name}': getattr(grasp_map(), name) for name in (
             'outcome', 'amount', 'fraction', 'margin', 'clearance', 'stability', 'force',
             'moment', 'seconds')},

@@ -69,7 +69,7 @@ KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_a
            sweeps_through, evaluate, closest_point_in_element, nearest, signed_distance, return_map,
            update_active_set, update_friction, follow_homotopy, gradient_noise, touching,
            kkt_residual, semismooth_newton, gripper_answers, clearance.element_rooms,
-           swept._exceeded, workspace._distances, strain_answers, parameters._moved_points,
+           swept._exceeded, workspace.distances_from, strain_answers, parameters._moved_points,
            residuals._points_at, nearest_place, follow_goals, solve_free, solve_contact,
            predictor_corrector, follow_step, discretization_errors, equidistribute, node_twists,
            twists_inside, fill_residuals, fill_rows]

@@ -101,7 +101,8 @@ class Shapes(Answer):
         holds, wrenches = self.holds, self.wrenches
         if not isinstance(holds, tuple) or holds:
             holds = holds_of(None, holds, s[..., -1].min(initial=np.inf), 'Shapes.holds')
-        if not holds and (wrenches is None or not np.size(wrenches)):  # lists of files are flatter
+        if not holds and (wrenches is None or isinstance(wrenches, list | tuple) and all(
+                isinstance(one, list | tuple) and not one for one in wrenches)):  # as of files
             wrenches = np.zeros((n, 0, 6))
         contacts = self.contact_table if _length(self.contact_table) else np.zeros((0, _CONTACT))
         put(self, grippers=grippers, s=s,

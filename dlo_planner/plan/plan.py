@@ -190,7 +190,10 @@ class Plan(Filmed):
         n = len(grippers)
         put(self, **{name: np.full(n, np.nan) for name in _MAY_BE_LEFT_OUT
                      if isinstance(getattr(self, name), tuple) and not getattr(self, name)})
-        if isinstance(self.plug_wrenches, tuple) and not self.plug_wrenches:
+        wrenches = self.plug_wrenches
+        if isinstance(wrenches, tuple) and not wrenches or (
+                self.plug is None and isinstance(wrenches, np.ndarray)
+                and wrenches.dtype == float and np.isnan(wrenches).all()):
             put(self, plug_wrenches=np.full((n, 6), np.nan))
         if isinstance(self.insertion_status, tuple) and not self.insertion_status:
             forces = results('Plan.insertion_force', self.insertion_force, (n,))
