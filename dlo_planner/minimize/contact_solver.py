@@ -292,12 +292,10 @@ def _settled(system, q, previous, tolerance, exact, max_iterations, check, kicke
     the end of the flow itself is looked at as any other shape: residual, violation, cones, points
     that are deeper in an obstacle, stability.
     """
-    given, hold, there, flow = (system.effects.contact.contacts, system.effects.hold, system,
-                                np.zeros(1))
-    steps, kicks, length, saddle = 0, 0, np.sum(system.lengths), True
-    stability, state, firm = np.nan, new_configuration(system), system
+    given, there, flow = system.effects.contact.contacts, system, np.zeros(1)
+    steps = kicks = goes_on = 0
+    saddle, stability, state, firm = True, np.nan, new_configuration(system), system
     residual = violation = np.inf
-    goes_on = 0
     while saddle:
         there, q, moves, left, falls = settle(there, q, previous, _RESTS,
                                               min(_MOST_FLOW, max_iterations), flow)
@@ -318,36 +316,21 @@ def _settled(system, q, previous, tolerance, exact, max_iterations, check, kicke
                 return True, state, residual, stability, steps, kicks, loaded, violation
             if system.basis.shape[1] > 0:  # waves of a series would touch between its nodes
                 break
-            firm = with_bearing(there, q, given, moves >= 0)
-            rests, state, residual, violation, moves = _polished(firm, q, tolerance, exact,
-                                                                 _KEPT * length)
+            rests, state, residual, violation, firm, there, q, left, moves = _rests_well(
+                there, q, given, previous, left, tolerance, exact, max_iterations, flow)
             steps += moves
-            if not (rests and violation < _KEPT_WELL * length):
-                flow[0], reaction = 0.0, reaction_of(hold, row_count(system.needs.border))
-                there, q, moves, left, _ = settle(there, q, previous, _RESTS_WELL,
-                                                  min(_MOST_FLOW, max_iterations), flow)
-                steps += moves
-                finer = with_bearing(there, q, given, moves >= 0)
-                well, its, its_residual, inside, moves = _polished(finer, q, tolerance, exact,
-                                                                   _KEPT * length)
-                steps += moves
-                if well:
-                    rests, state, residual, violation, firm = well, its, its_residual, inside, finer
-                else:
-                    set_reaction(hold, reaction)
-            if not rests and left < _CLOSE:
-                break
-            if rests and not check:
-                return True, state, residual, np.inf, steps, kicks, firm, violation
-            if rests:
-                rolls, its, its_residual, stands, moves, loaded, inside = _at_once(
-                    firm, state.q, rests, tolerance, exact, check, previous)
-                steps += moves
-                if rolls:
-                    return True, its, its_residual, stands, steps, kicks, loaded, inside
-            if not rests:  # it has gone on
-                goes_on, saddle = goes_on + 1, goes_on < _MOST_FALLS
+            if not rests:
+                if left < _CLOSE or goes_on == _MOST_FALLS:
+                    break
+                goes_on, saddle = goes_on + 1, True
                 continue
+            if not check:
+                return True, state, residual, np.inf, steps, kicks, firm, violation
+            rolls, its, its_residual, stands, moves, loaded, inside = _at_once(
+                firm, state.q, rests, tolerance, exact, check, previous)
+            steps += moves
+            if rolls:
+                return True, its, its_residual, stands, steps, kicks, loaded, inside
             stability, mode = _judged(firm, state, tolerance, exact)
             if stability > -HELD_NEUTRAL:
                 return True, state, residual, stability, steps, kicks, firm, violation
@@ -356,6 +339,31 @@ def _settled(system, q, previous, tolerance, exact, max_iterations, check, kicke
             kicks += 1
             q, flow[0] = kicked.copy(), 0.0
     return False, state, residual, stability, steps, kicks, system, violation
+
+
+@kernel
+def _rests_well(there, q, given, previous, left, tolerance, exact, max_iterations, flow):
+    """Return whether a DLO rests where its flow has ended, q (m, 3), as well as it can be told.
+
+    And the Configuration, residual, violation, m, and Problem with the contacts that bear alone; to
+    where the flow has gone on, its Problem, unknowns and residual; and the steps of that.
+    """
+    length, hold = np.sum(there.lengths), there.effects.hold
+    firm = with_bearing(there, q, given, length > 0.0)
+    rests, state, residual, violation, steps = _polished(firm, q, tolerance, exact, _KEPT * length)
+    if not (rests and violation < _KEPT_WELL * length):
+        flow[0], reaction = 0.0, reaction_of(hold, row_count(there.needs.border))
+        there, q, moves, left, _ = settle(there, q, previous, _RESTS_WELL,
+                                          min(_MOST_FLOW, max_iterations), flow)
+        finer = with_bearing(there, q, given, length > 0.0)
+        well, its, its_residual, inside, more = _polished(finer, q, tolerance, exact,
+                                                          _KEPT * length)
+        steps += moves + more
+        if well:
+            rests, state, residual, violation, firm = well, its, its_residual, inside, finer
+        else:
+            set_reaction(hold, reaction)
+    return rests, state, residual, violation, firm, there, q, left, steps
 
 
 @kernel
