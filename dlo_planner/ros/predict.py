@@ -111,6 +111,8 @@ class ShapePredictor(Part):
                               f'far_end.hold = free: expected one of {", ".join(GRIPS)}')
             pose = pose_in(scene, msg, 'far_end_pose', self.frames)
             heard = self._heard(pose, msg.header.stamp, arrived, np.nan)
+            if not (msg.header.stamp.sec or msg.header.stamp.nanosec):
+                heard = replace(heard, age=0.0)  # without a stamp it is of now
             state = self.store.change(lambda state: replace(state, far_end=heard))
             last = state.feedback
             if state.gripper is not None and (last is None or arrived - last.arrived > _STANDS):

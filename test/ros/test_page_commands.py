@@ -22,7 +22,7 @@ FILE = ROOT / 'config' / f'{DLO}.yaml'
 def test_the_commands_of_the_page_do_what_they_say(domain, monkeypatch, arguments):
     if not arguments:
         monkeypatch.setattr('planner_here.WIRE', ())
-    assert len(COMMANDS) == 17
+    assert len(COMMANDS) == 21
     refused = {}
     with context_of_its_own() as context, planner_here(
             monkeypatch, context, *arguments) as node, connected_client(Alive()) as client:
