@@ -3,12 +3,13 @@
 """A DLO among obstacles comes to rest: in which order methods are tried, and what is judged.
 
 Shape and contact forces are sought at once (`minimize.semismooth`), near where the DLO is. Where
-that finds nothing, a DLO that lies on something with several points follows its flow, in which
-all contact forces of a step are found at once (`minimize.quasi_static`). Where this finds nothing,
-or where nothing has been touched yet, the DLO is brought nearer to rest first
-(`minimize.relaxation`), in a few stages. What is found is judged as any other minimum: the points
-that bear are those that `active_set` chooses, and the shape stands; else it leaves its saddle, and
-all begins anew. What is judged is the residual with the limits of friction: it has no potential.
+that finds nothing, a DLO at rest that lies on something with several points follows its flow, in
+which all contact forces of a step are found at once (`minimize.quasi_static`). Where this finds
+nothing, or where nothing has been touched yet, the DLO is brought nearer to rest first
+(`minimize.relaxation`), in a few stages; where few points bear, two of these come before the flow.
+What is found is judged as any other minimum: the points that bear are those that `active_set`
+chooses, and the shape stands; else it leaves its saddle, and all begins anew. What is judged is the
+residual with the limits of friction: it has no potential.
 
 A DLO that begins deep inside an obstacle is pressed out by springs before. Where no equilibrium is
 wanted, on a way between two poses, nearly at rest is enough.
