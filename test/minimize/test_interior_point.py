@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, DirectSimulator, Plane, Pose, Rod
+from dlo_planner.direct.continuation import shape_change
 from dlo_planner.minimize.contact_solver import _judged, _lowest, _stiffened
 from dlo_planner.minimize.contact_table import kkt_residual
 from dlo_planner.minimize.hessian import assemble, new_hessian
@@ -244,3 +245,15 @@ def test_contacts_that_give_let_a_dlo_not_seem_to_fall():
     seems, _ = _lowest(soft, state, 1e-8, 1e-9)
     stability, _ = _judged(soft, state, 1e-8, 1e-9)
     assert seems < -1e-3 < 1e-3 < stability
+
+
+def test_a_fall_of_what_lies_on_a_table_is_one_flow():
+    """From where it buckles it comes to rest at once: seconds of parts of the step found nothing."""
+    heights = np.linspace(0.6, 0.03, 30)[:13]
+    lying = laid(0.5, heights[:-1])[-1]
+    direct = DirectSimulator(CABLE, basis='local', n_elements=64,
+                             obstacles=[Plane((0, 0, 0), (0, 0, 1), friction=0.5)])
+    fallen = direct._step(pose(heights[-1]), lying, (), np.inf)
+    assert fallen.converged and fallen.state.kicks > 0 and fallen.iterations < 300
+    assert shape_change(lying, fallen) > 0.5
+    assert fallen.positions[:, 2].min() > CABLE.radius - 1e-6
