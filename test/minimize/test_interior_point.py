@@ -248,7 +248,7 @@ def test_contacts_that_give_let_a_dlo_not_seem_to_fall():
 
 
 def test_a_fall_of_what_lies_on_a_table_is_one_flow():
-    """From where it buckles it comes to rest at once: seconds of parts of the step found nothing."""
+    """From where it buckles it comes to rest at once: parts of the step used to find nothing."""
     heights = np.linspace(0.6, 0.03, 30)[:13]
     lying = laid(0.5, heights[:-1])[-1]
     direct = DirectSimulator(CABLE, basis='local', n_elements=64,
