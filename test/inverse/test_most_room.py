@@ -190,7 +190,8 @@ def test_the_expected_miss_is_that_of_small_changes():
         squares += (off**2).sum(axis=1) * (0.02 if 'bending_stiffness' in change else 0.1)**2
     uncertain = uncertain_state(simulator.surroundings, Uncertainty(
         bending_stiffness=0.02, natural_curvature=0.1))
-    np.testing.assert_allclose(expected_misses(uncertain, shape, s), np.sqrt(squares), rtol=2e-3)
+    np.testing.assert_allclose(expected_misses(uncertain, [shape], s)[0], np.sqrt(squares),
+                               rtol=2e-3)
 
 
 def test_by_how_much_there_is_no_room_is_not_made_up():
