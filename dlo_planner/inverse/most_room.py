@@ -224,20 +224,15 @@ class NoRoom(NamedTuple):
 
 
 class RoomSearch:
-    """Looks for ways of a DLO through any hole, at depths (K,), m: its shapes are found once.
+    """Looks for ways of a DLO through any hole, at depths (K,), m: its shapes are found once."""
 
-    Unless `rated`, no miss is expected: that is quicker where only whether there is a way counts.
-    """
-
-    def __init__(self, simulator: DirectSimulator, demands: Judge, depths: Floats,
-                 rated: bool = True) -> None:
+    def __init__(self, simulator: DirectSimulator, demands: Judge, depths: Floats) -> None:
         self.simulator, self.demands, self.depths = simulator, demands, depths
         self.round = is_axisymmetric(simulator.rod)  # a roll of the gripper makes no difference
         found = reachable_shapes(simulator, max(demands.stability, 0.0), demands.progress.check)
         self.shapes = None if found is None else found.chosen(np.array([
             violated(demands.bend_margins(shape)) is None for shape in found.shapes]))
-        self._uncertain = uncertain_state(simulator.surroundings, demands.uncertainty if rated
-                                          else Uncertainty())
+        self._uncertain = uncertain_state(simulator.surroundings, demands.uncertainty)
         self._misses: dict[int, Floats] = {}
 
     def misses(self, which: Ints, index: int) -> Floats:
@@ -263,14 +258,15 @@ class RoomSearch:
         return np.array([np.interp(one, arcs, self._misses[k][::-1]) if k in self._misses else 0.0
                          for k, one in zip(which.tolist(), s.tolist(), strict=True)])
 
-    def way(self, task: Threading, most: float) -> RoomyWay | NoRoom:
+    def way(self, task: Threading, most: float, rated: bool = True) -> RoomyWay | NoRoom:
         """Return the way of the largest margins through the hole of a Threading, or why not.
 
-        `most`: largest angle at which the DLO may pass, rad.
+        `most`: largest angle at which the DLO may pass, rad. Unless `rated`, no miss is expected:
+        that is quicker where only whether there is a way counts.
         """
         if upright_room(task.cutouts[0], self.demands.surface) <= 0:
             return NoRoom(float(self.depths[0]), 'the hole is no wider than the DLO')
-        return self.through(task, lambda shapes: _passages(self, shapes, task, most),
+        return self.through(task, lambda shapes: _passages(self, shapes, task, most, rated),
                             'this hole' if most >= 0.5 * np.pi else
                             'this hole within max_misalignment')
 
@@ -369,9 +365,9 @@ def _cheapest(grippers: Floats, places: Floats, others: Floats, there: Floats, c
     return out, best
 
 
-def _passages(search: RoomSearch, shapes: Reachable, task: Threading,
-              most: float) -> Iterator[Passage]:
-    """Yield the Passage at each depth, obliquely by `most` at most, rad."""
+def _passages(search: RoomSearch, shapes: Reachable, task: Threading, most: float,
+              rated: bool) -> Iterator[Passage]:
+    """Yield the Passage at each depth, obliquely by `most` at most, rad; see `RoomSearch.way`."""
     cutout, demands, lengths = task.cutouts[0], task.demands, np.diff(shapes.s)
     sheet = sheet_of(cutout, float(shapes.s[-1]), demands.obstacles)
     assert sheet is not None  # it has a size
@@ -391,9 +387,10 @@ def _passages(search: RoomSearch, shapes: Reachable, task: Threading,
                        np.cos(most) if most < 0.5 * np.pi else 0.0, _LEAST * full, _STEP * full)
         which, heading = np.nonzero(rooms > 0)
         turned, room = turns[which, heading], rooms[which, heading]
+        misses = search.misses(which, index) if rated else np.zeros(len(which))
         passage = Passage(which, turned @ shapes.frames[which, 0],
                           -np.einsum('kij,kj->ki', turned, places[which]),
-                          rating(room, room - DEVIATIONS * search.misses(which, index), full))
+                          rating(room, room - DEVIATIONS * misses, full))
         yield passage.best()
 
 
