@@ -73,17 +73,17 @@ def uncertain_state(around: Surroundings, uncertainty: Uncertainty | None) -> Un
         uncertainty, 1 + VARIATION)
 
 
-def expected_misses(uncertain: UncertainState, shape: Shape, s: Floats) -> Floats:
-    """Return (k,) standard deviations (m) of where a Shape passes its points at s (k,), m.
+def expected_misses(uncertain: UncertainState, shapes: Sequence[Shape], s: Floats) -> Floats:
+    """Return (n, k) standard deviations (m) of where n Shapes pass their points at s (k,), m.
 
     Across the DLO, which may pass elsewhere along itself: the root of the sum over both directions.
     """
-    if not uncertain.size:
-        return np.zeros(len(s))
-    slopes = uncertain.slopes(np.zeros(uncertain.size), shape)(s) * uncertain.deviations
-    tangents = np.array([shape.frame_at(one)[0][:, 0] for one in s.tolist()])
-    along = np.einsum('ki,kij->kj', tangents, slopes)
-    result: Floats = np.sqrt(np.maximum((slopes**2).sum(axis=(1, 2)) - (along**2).sum(axis=1), 0.0))
+    if not uncertain.size or not shapes:
+        return np.zeros((len(shapes), len(s)))
+    slopes, tangents = uncertain.moved(shapes, s)
+    slopes = slopes * uncertain.deviations
+    along = np.einsum('jki,jkic->jkc', tangents, slopes)
+    result: Floats = np.sqrt(np.maximum((slopes**2).sum(axis=(2, 3)) - (along**2).sum(axis=2), 0.0))
     return result
 
 
@@ -103,8 +103,8 @@ def least_margin(uncertainty: Uncertainty | None, shape: Shape, arcs: Sequence[f
              if min(rooms) < np.inf]
     if not sized or mesh is None or shape.contacts or shape.holds:
         return np.nan
-    misses = expected_misses(uncertain_state(mesh.surroundings, uncertainty), shape,
-                             np.array([s for s, _ in sized]))
+    misses, = expected_misses(uncertain_state(mesh.surroundings, uncertainty), [shape],
+                              np.array([s for s, _ in sized]))
     return min(room - DEVIATIONS * float(miss)
                for (_, room), miss in zip(sized, misses, strict=True))
 
