@@ -18,5 +18,6 @@ from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 from dlo_planner.settings.tasks import read_task, task_from_yaml, task_to_yaml, write_task
 
 __all__ = ['Approach', 'Carry', 'InsertPlug', 'MoveTo', 'PlanBuilder', 'PlanContext', 'PlanStatus',
-           'Plug', 'Requirements', 'Task', 'ThreadInGrasps', 'Waypoint', 'concatenate', 'put', 'read_task',
-           'task_from_yaml', 'task_to_yaml', 'threading_of', 'waypoint_at', 'write_task']
+           'Plug', 'Requirements', 'Task', 'ThreadInGrasps', 'Waypoint', 'concatenate', 'put',
+           'read_task', 'task_from_yaml', 'task_to_yaml', 'threading_of', 'waypoint_at',
+           'write_task']

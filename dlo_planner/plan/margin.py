@@ -100,8 +100,9 @@ def _by_grips(uncertainty: Uncertainty, shape: Shape, s: Floats) -> Floats:
     """
     sensitivity = Sensitivity(shape)
     deviations = np.repeat((uncertainty.gripper_rotation, uncertainty.gripper_position), 3)
-    return np.array([sensitivity.by_grips(one)[3:] for one in s.tolist()]) * np.tile(
-        deviations, 1 + len(shape.holds))
+    slopes = np.array([sensitivity.by_grips(one)[3:] for one in s.tolist()])
+    result: Floats = slopes * np.tile(deviations, 1 + len(shape.holds))
+    return result
 
 
 def least_margin(uncertainty: Uncertainty | None, shape: Shape, arcs: Sequence[float],

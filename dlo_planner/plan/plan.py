@@ -594,18 +594,19 @@ def in_stages(plans: Sequence[Plan], names: Sequence[str], speeds: tuple[float, 
 
     All arms stop at the end of each; speeds: m/s and rad/s, of open hands too.
     """
-    columns = {name: [one for plan in plans for one in getattr(plan, name)]
-               for name in PER_WAYPOINT}
+    columns: dict[str, Any] = {name: [one for plan in plans for one in getattr(plan, name)]
+                               for name in PER_WAYPOINT}
     firsts = np.cumsum([0, *(len(plan) for plan in plans)]).tolist()
     stops = {first + stop for plan, first in zip(plans, firsts, strict=False)
              for stop in plan.stops} | {end - 1 for end in firsts[1:-1]} | set(firsts[1:-1])
     arms, last = moving(columns['shapes']), plans[-1]
-    return Plan(**{**columns, **{name: np.array(columns[name]) for name in (
-        'depths', 'misalignment', 'position_error', 'insertion_force', 'clearance',
-        'yield_utilization', 'plug_wrenches')},
-        'times': times_at_speed(columns['grippers'], *speeds, arms.values()),
-        'clearances': padded_clearances(columns['clearances'])},
-        sheets=last.sheets, fraction=1.0, status=last.status, stops=tuple(sorted(stops)),
+    for name in ('depths', 'misalignment', 'position_error', 'insertion_force', 'clearance',
+                 'yield_utilization', 'plug_wrenches'):
+        columns[name] = np.array(columns[name])
+    columns['times'] = times_at_speed(columns['grippers'], *speeds, arms.values())
+    columns['clearances'] = padded_clearances(columns['clearances'])
+    return Plan(
+        **columns, sheets=last.sheets, fraction=1.0, status=last.status, stops=tuple(sorted(stops)),
         uncertainty=last.uncertainty, starts=tuple(zip(names, firsts, strict=False)),
         wrench_limits=last.wrench_limits)
 

@@ -14,7 +14,7 @@ feeds it to its free end.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
@@ -39,7 +39,7 @@ from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.margin import least_margin, rating, upright_room, usual_uncertainty
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import Plan, PlanStatus, in_stages
+from dlo_planner.plan.plan import Plan, PlanStatus, in_stages, truncate
 from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_at
 
 FIRST, SECOND = 'first', 'second'  # names of the hands
@@ -49,8 +49,8 @@ _FREE, _SOFT = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4), 24.0
 _FREEST = 0.6       # of the length: the largest of them
 _MOST_PULLS = 8     # that are tried
 _GAIN = 0.1         # of the room: what another pull, or a shorter free part, has to leave more
-_PULLS = 0.25, 0.5, 1.0, 2.0  # of the weight between the hands: how they pull while they draw
-_BOWED = 0.4        # rad, by which they pitch then: what is between is bowed, so not taut
+_PULLS = 0.25, 1.0  # of the weight between the hands: how they pull while they draw
+_BOWED = 0.4, 0.8, -0.4  # rad, by which they pitch then: what is between is bowed, so not taut
 _TURN = 0.1         # rad, and
 _SHIFT = 0.02       # of the length: between two waypoints at most
 _PITCH, _PITCHES = 0.05, 30  # rad, and how often to either side: how one hand alone may hold
@@ -58,7 +58,9 @@ _PLACES = 7         # of a pull, at which its margin is looked at
 _EXACT = 1e-8       # of the length: by how much the DLO may miss the center
 _CENTERINGS = 8     # corrections until it does not
 _PULLED = 0.02      # of a pull and the weight between the hands: how exact it has to be on the way
-_FURTHEST = 0.7     # by how much the logarithm of what is slack is changed at once
+_FURTHEST = 0.7     # by how much the logarithm of what is slack is changed at once,
+_LOOSER = 0.4       # and where the DLO does not follow
+_LOOSE = 4.0        # standard deviations of the hands' distance: what is less slack may be taut
 _TAUT = 1e-4        # of the length between the hands: the least that is slack
 _FALLS = 1e-3       # of the length: how far the DLO may move where a hand opens
 _TAIL = 0.5         # of `grip_distance`: how much of the DLO is beyond the second hand at least
@@ -219,9 +221,7 @@ class _HandOverHand:
             self._hand_over_hand()
         except Infeasible as error:
             raise self._with_evidence(error) from None
-        plan = in_stages(self._plans, self._names, self._demands.speeds)
-        self._check_workspace(plan)
-        return plan
+        return in_stages(self._plans, self._names, self._demands.speeds)
 
     def _hand_over_hand(self) -> None:
         """Make all stages."""
@@ -314,7 +314,7 @@ class _HandOverHand:
         found += self._swung(name, found, (first, second), _hands_of(alone, first, second), at)
         return self._judged(name, found)
 
-    def _drawn_somehow(self, shape: Shape, second: float, at: float, pulls: Sequence[_Pull],
+    def _drawn_somehow(self, shape: Shape, second: float, at: float, pulls: Iterable[_Pull],
                        name: str) -> tuple[Shape, _Pull]:
         """Add the stage of the first of some pulls that can be; return its end, and which it is."""
         refused: Infeasible | None = None
@@ -409,33 +409,44 @@ class _HandOverHand:
 
     # ---- drawing ----------------------------------------------------------------------------
 
-    def _pulls(self, at: float, left: float) -> list[_Pull]:
-        """Return how to draw on, the hole at `at`, m, where `left` m have to pass: best first.
+    def _pulls(self, at: float, left: float) -> Iterator[_Pull]:
+        """Yield how to draw on, the hole at `at`, m, where `left` m have to pass: best first.
 
-        The first one is the longest that leaves as much margin as shorter ones, by a part of the
-        room; then come shorter and shorter ones.
+        The first one is the longest whose margin the next shorter one exceeds by a small part of
+        the room at most; then come shorter and shorter ones.
         """
-        found = list[_Pull]()
+        best: _Pull | None = None
+        chosen = False
         for count in range(1, _MOST_PULLS + 1):
             stroke = left / count
             if self._task.stroke is not None and stroke > self._task.stroke * (1 + _EXACT):
                 continue
-            if at - stroke > 2 * self._gap:  # else there would be the feed
-                pulls = [one for part in _PULLS for bowed in (_BOWED, -_BOWED)
-                         if (one := self._pull_with(at, stroke, part, bowed))]
-                found += [max(pulls, key=lambda pull: pull.margin)] if pulls else []
-        if not found:
+            if not at - stroke > 2 * self._gap:  # there would be the feed
+                continue
+            pulls = [one for part in _PULLS for bowed in _BOWED
+                     if (one := self._pull_with(at, stroke, part, bowed))]
+            if not pulls:
+                continue
+            found = max(pulls, key=lambda pull: pull.margin)
+            if best is not None and not chosen and (
+                    found.margin < best.margin + _GAIN * self._room):
+                chosen = True
+                yield best
+            if chosen:
+                yield found
+            best = found
+        if best is not None and not chosen:
+            yield best
+        if best is None:
             raise InvalidTask(f'stroke = {self._task.stroke!r}: expected at least '
                               f'{left / _MOST_PULLS:.4g} m: {left:.4g} m are to pass, and more '
                               f'than {_MOST_PULLS} pulls are not tried')
-        best = max(pull.margin for pull in found)
-        return found[next(k for k, pull in enumerate(found)
-                          if pull.margin >= best - _GAIN * self._room):]
 
     def _pull_with(self, at: float, stroke: float, part: float, bowed: float) -> _Pull | None:
         """Return a _Pull by a part of the weight between, None where the DLO has no such shape.
 
-        `bowed`: how far hands pitch, rad.
+        `bowed`: how far hands pitch, rad; above 0 the first one up and the second one down, as when
+        one hand alone holds the DLO. To pitch them the other way they come by where both are level.
         """
         far = 2 * self._gap + stroke
         simulator = self._simulator.part(at + self._gap - far, 1)
@@ -444,17 +455,23 @@ class _HandOverHand:
         size = far * np.sin(bowed) / bowed  # of an arc
         begin = _Hands(Pose.from_rotation(self._center, pitched[0]), Pose.from_rotation(
             self._center + size * self._normal, pitched[1]), part * far * self._weight)
-        first = simulator.solve(begin.first, holds=_held(far, begin.second, SECOND))
-
         def solved(hands: _Hands, before: Shape) -> Shape:
             return simulator.track([hands.first], initial=before,
                                    holds=_held(far, hands.second, SECOND))[0]
 
+        first = simulator.solve(begin.first, holds=_held(far, begin.second, SECOND))
         if not first.converged:
             return None
         shape, hands = self._pulled(solved, begin, first, far, far - self._gap)
         if shape is None:
             return None
+        if bowed < 0:
+            level = hands._replace(first=Pose.from_rotation(hands.first.position, frame),
+                                   second=Pose.from_rotation(hands.second.position, frame))
+            there, level = self._pulled(solved, level, shape, far, far - self._gap)
+            if there is None or far - level.size < _LOOSE * np.sqrt(2) * (
+                    self._uncertainty.gripper_position):
+                return None
         holes, least = self._holes_of(simulator), np.inf
         for place in np.linspace(far - self._gap, self._gap, _PLACES).tolist():
             there = carried(shape, self._center - shape.frame_at(place)[1])
@@ -473,13 +490,16 @@ class _HandOverHand:
         slack = np.log(max(far - hands.size, _TAUT * far))
         close = _PULLED * (abs(wanted) + self._weight * far)
         known: list[tuple[float, float]] = []  # logarithm of the slack, pull too strong by, N
+        found: Shape | None = None
         for _ in range(_CENTERINGS):
             self._context.progress.check()
             second = hands.first.position + (far - np.exp(slack)) * chord
             hands = hands._replace(second=Pose(second, hands.second.quaternion))
             shape = solved(hands, before)
             if not shape.converged or shape.jumped:
-                return (shape if not shape.converged else None), hands
+                slack += _LOOSER
+                continue
+            found = shape
             before, off = shape, self._center - shape.frame_at(at)[1]
             hands = hands.shifted(off)
             known.append((slack, float(shape.wrenches[-1, :3] @ chord) - wanted))
@@ -489,24 +509,26 @@ class _HandOverHand:
                 known[-1][0] - known[-2][0]) / (known[-1][1] - known[-2][1])
             step = step if len(known) > 1 else float(np.copysign(0.1, known[-1][1]))
             slack = max(slack + float(np.clip(step, -_FURTHEST, _FURTHEST)), np.log(_TAUT * far))
-        return before, hands
+        return found, hands
 
     def _swung(self, name: str, found: list[Step], places: tuple[float, float], goal: _Hands,
                at: float) -> list[Step]:
         """Return the Steps from the last one to where both hands are, but for a common shift."""
-        begin, way = _hands_of(found[-1][0], *places), list[Step]()
+        begin, steps = _hands_of(found[-1][0], *places), list[Step]()
         one, other = begin.chord / begin.size, goal.chord / goal.size
         turn = least_turn(one, other)
-        turns = [angle_between(begin[k].rotation, goal[k].rotation) for k in (0, 1)]
+        ways = (begin.first.rotation, goal.first.rotation), (
+            begin.second.rotation, goal.second.rotation)
+        turns = [angle_between(*way) for way in ways]
         turned = angle_between(np.eye(3), turn)
         count = max(1, int(np.ceil(max(
             *turns, turned, turned * goal.size * _TURN / (_SHIFT * self._length),
             abs(goal.size - begin.size) * _TURN / (_SHIFT * self._length)) / _TURN)))
         far = places[1] - places[0]
         for k in range(1, count + 1):
-            share, here = k / count, _hands_of((way or found)[-1][0], *places)
+            share, here = k / count, _hands_of((steps or found)[-1][0], *places)
             along = here.size * partway(np.eye(3), turn, share) @ one
-            first, second = (partway(begin[k].rotation, goal[k].rotation, share) for k in (0, 1))
+            first, second = (partway(*way, share) for way in ways)
             hands = _Hands(
                 Pose.from_rotation(here.first.position, first),
                 Pose.from_rotation(here.first.position + along, second),
@@ -517,9 +539,9 @@ class _HandOverHand:
                 shape, hands = self._pulled(
                     lambda hands, before: self._simulator.track(
                         [self._feed], initial=before, holds=_both(places, hands))[0],
-                    hands, (way or found)[-1][0], far, at)
-            way.append((self._centered(name, [*found, *way], places, hands, at), at))
-        return way
+                    hands, (steps or found)[-1][0], far, at)
+            steps.append((self._centered(name, [*found, *steps], places, hands, at), at))
+        return steps
 
     def _centered(self, name: str, found: Sequence[Step], places: tuple[float, float],
                   hands: _Hands, at: float) -> Shape:
@@ -561,7 +583,9 @@ class _HandOverHand:
             builder.add(self._waypoint(shape, at))
             if k in stops:
                 builder.stop()
-        self._plans.append(builder.finished())
+        stage = builder.finished()
+        self._check_workspace(stage, name)
+        self._plans.append(stage)
         self._names.append(name)
         return found[-1][0]
 
@@ -595,21 +619,18 @@ class _HandOverHand:
         error.waypoint += count
         return error
 
-    def _check_workspace(self, plan: Plan) -> None:
-        """Raise Infeasible where a hand leaves the workspace while it holds the DLO."""
-        if self._workspace is None:
+    def _check_workspace(self, stage: Plan, name: str) -> None:
+        """Raise Infeasible where a hand leaves the workspace in a stage."""
+        if self._workspace is None or not stage.arms:
             return
-        for stage, alone in zip(plan.stages, plan.stage_plans, strict=True):
-            path = GripperPath.of(alone) if alone.arms else None
-            for name in alone.arms:
-                assert path is not None  # an arm moves
-                beyond = self._workspace.first_beyond(path.arm(name))
-                if beyond is not None:
-                    place, where, amount = beyond
-                    raise self._with_evidence(Infeasible(
-                        f'{stage.name}: waypoint {place}: the {name} hand is {amount:.3g} m beyond '
-                        f'{where}', stage.first + place - sum(map(len, self._plans)), where,
-                        amount, None))
+        path = GripperPath.of(stage)
+        for arm in path.arms:
+            beyond = self._workspace.first_beyond(path.arm(arm))
+            if beyond is not None:
+                place, where, amount = beyond
+                raise Infeasible(f'{name}: waypoint {place}: the {arm} hand comes {amount:.3g} m '
+                                 f'beyond {where}', place, where, amount,
+                                 truncate(stage, place, PlanStatus.PARTIAL))
 
 
 def _held(s: float, pose: Pose, by: str) -> Holds:
