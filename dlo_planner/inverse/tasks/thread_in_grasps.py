@@ -357,12 +357,12 @@ class _HandOverHand:
         """Add the stage in which one hand holds the DLO alone; return that shape."""
         held = tuple(hold for hold in shape.holds if hold.by == by)
         found = self._simulator.track([self._feed], initial=shape, holds=held)[0]
-        moved = apart(shape, found) if found.converged else np.inf
+        moved = apart(shape, found) if found.converged and not found.jumped else np.inf
         if not moved < _FALLS * self._length:
             builder = PlanBuilder([self._length - at], self._demands, f'{name}: waypoint')
             raise builder.refusal('continuity', moved, f'where the other hand opens the DLO would '
                                   f'move by {moved:.3g} m')
-        return self._judged(name, [(replace(found, jumped=False), at)])
+        return self._judged(name, [(found, at)])
 
     def _second_alone(self, shape: Shape, second: float, at: float, name: str) -> Shape:
         """Return the Shape with the most margin that the second hand alone holds."""
