@@ -177,7 +177,7 @@ def test_a_plan_in_stages_goes_on_when_it_is_told_that_the_hold_is_there(inside,
     assert inside.trigger('next_stage').success
     code, message, values = inside.status_of('next_stage')
     assert code == 0 and message.endswith('hand over 1, stage 2 of 9; then open first at s = 0.8 m'
-                                          ', then close first at s = 0.65 m'), message
+                                          ', then close first at s = 0.725 m'), message
     assert inside.status_of('proof', PATIENCE)[0] == 0
     timed = inside.timed.get(timeout=PATIENCE)
     assert timed.joint_names == ['gripper', 'first', 'second']
