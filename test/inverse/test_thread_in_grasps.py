@@ -27,6 +27,7 @@ from dlo_planner import (
     replay,
     robustness,
 )
+from dlo_planner.inverse.tasks import thread_in_grasps
 from dlo_planner.model.pose import displaced
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.margin import expected_misses, uncertain_state
@@ -241,6 +242,14 @@ def test_what_is_in_the_way_is_in_the_way_of_all_of_the_dlo(plan):
     with pytest.raises(Infeasible, match='thread: waypoint 0 .*lamp') as refused:
         InverseSimulator(DIRECT.with_obstacles([ball])).plan(TASK)
     assert refused.value.constraint == 'clearance'
+
+
+def test_no_hand_opens_where_the_dlo_would_move(monkeypatch):
+    # it moves by what meshes make of it, 1e-4 m: of a demand that is finer there is no plan
+    monkeypatch.setattr(thread_in_grasps, '_FALLS', 1e-6)
+    with pytest.raises(Infeasible, match='second alone 1: .*DLO would move by') as refused:
+        INVERSE.plan(TASK)
+    assert refused.value.constraint == 'continuity' and 0 < refused.value.amount < 1e-3
 
 
 def test_the_workspace_is_that_of_both_hands():
