@@ -727,12 +727,9 @@ def follow_homotopy(system: Problem, q: Floats, bases: Floats, targets: Floats, 
     The Problem's multipliers are moved; `bases` of the gripper, the others of HoldRows.
     Shapes: bases (n, 3, 3), targets (n, A, 3), axes (n, A, 3, 3), rows (n, K, 6).
     """
-    length, forces = shortest_span(system.effects.hold, system.lengths), (
-        system.effects.hold.multiplier)
+    length = shortest_span(system.effects.hold, system.lengths)
     options = thorough(_ROUGH, _ROUGH * length, _PER_PART, length < 0.0, length < 0.0)
-    near = next_to(_ROUGH, _ROUGH * length, length < 0.0, length > 0.0)
-    goes_on = not (hinged(system) or yields(system.effects.plastic) or may_forbid(system.effects))
-    before, borne, start, worked = q.copy(), forces.copy(), q.copy(), np.zeros(1)
+    worked = np.zeros(1)
     for part in range(bases.shape[0]):
         if is_to_end(worked, system, 4):
             return q, part
@@ -740,30 +737,9 @@ def follow_homotopy(system: Problem, q: Floats, bases: Floats, targets: Floats, 
                         'rows', rows[part])
         regripped = replaced(system, 'base', bases[part],
                              'effects', replaced(system.effects, 'hold', hold))
-        bears, goes = forces.copy(), False
-        if part > 0 and goes_on:  # as in the part before
-            put_sum(q, 1.0, q, start)
-            put_sum(start, -1.0, before, start)
-            for row in range(forces.size):
-                forces[row] += bears[row] - borne[row]
-            alone = _without_springs(regripped)
-            state, residual, _, _, _, _, missed = newton_descent(alone, start, near,
-                                                                 new_workspace(alone))
-            goes = residual < np.inf and missed <= _LEFT * length
-            for row in range(0 if goes else forces.size):
-                forces[row] = bears[row]
-        if not goes:
-            state, _, _, _, _, _, missed = newton_descent(regripped, q, options,
-                                                          new_workspace(regripped))
-            if not missed <= _LEFT * length:
-                return q, part
-        before, borne, q = q, bears, state.q
+        state, _, _, _, _, _, missed = newton_descent(regripped, q, options,
+                                                      new_workspace(regripped))
+        if not missed <= _LEFT * length:
+            return q, part
+        q = state.q
     return q, bases.shape[0]
-
-
-@kernel
-def _without_springs(system):
-    """Return a Problem whose holds have no springs, which the search for what is near needs not."""
-    hold = replaced(system.effects.hold, 'stiffness', 0.0, 'turn_stiffness', 0.0)
-    return replaced(system, 'effects', replaced(system.effects, 'hold', hold),
-                    'needs', replaced(system.needs, 'displaced', False))

@@ -457,23 +457,3 @@ def test_what_takes_too_many_parts_is_given_up_and_said(monkeypatch):
     stuck = among.solve(last, shape)
     assert len(made) == 21
     assert not stuck.converged or stuck.jumped
-
-
-@pytest.mark.parametrize('seed', range(6))
-def test_a_dlo_set_down_in_two_clamps_is_what_small_steps_lead_to(seed):
-    # the way into the grips is made in large parts, each begun where the one before leads
-    rng = np.random.default_rng([seed, 46])
-    stiffness = 0.05 * 9.81 / np.exp(rng.uniform(np.log(0.5), np.log(30)))
-    simulator = DirectSimulator(Rod(1.0, 0.05, stiffness, 0.8 * stiffness))
-    gripper = Pose((0, 0, 0), rng.normal(size=4))
-    straight = Pose.from_rotation(0.97 * gripper.direction, gripper.rotation)
-    way = rng.normal(size=3)
-    end = Pose(0.5 * way / np.linalg.norm(way), rng.normal(size=4))
-    found = simulator.solve(gripper, far_end=end)
-    assert found.converged and found.stability > 0
-    ends = [FarEnd(statics.between(straight, end, share)) for share in np.linspace(0, 1, 161)]
-    followed = simulator.track([gripper] * len(ends), far_ends=ends)[-1]
-    assert followed.converged
-    assert found.energy == pytest.approx(followed.energy, rel=1e-8)
-    again = simulator.solve(gripper, initial=found, far_end=end)
-    np.testing.assert_allclose(again.positions, found.positions, atol=1e-7)
