@@ -27,7 +27,7 @@ from dlo_planner.identify.estimate import Estimate, way_between
 from dlo_planner.identify.observation import Observation, gripper_at
 from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.residuals import point_residuals
-from dlo_planner.identify.smoother import WORST_CAMERA, LookErrors
+from dlo_planner.identify.smoother import WORST_CAMERA, LookErrors, Off
 from dlo_planner.identify.vibration import LEAST_PERIODS, STATED, FreeVibration, enough
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, angle_between
@@ -448,7 +448,8 @@ class DloEstimator:
             shape = None
         by = after if after.agrees else estimate
         off = np.inf if shape is None else _median_distance(
-            shape, _places(by, seen, velocity))
+            shape, by.camera_error.undone(seen.points),
+            Off.of(shape, LookErrors(velocity=tuple(velocity.tolist())), None).at(by.delay))
         with self._lock:
             if self.estimate is not estimate:  # it was reset meanwhile
                 return self.estimate
@@ -499,16 +500,6 @@ class DloEstimator:
         bent = _SAG * rod.length * max(acceleration - _EVEN, 0.0) / _WEIGHT
         moves = found[0].twist * (found[0].speed > _STILL)
         return float(np.hypot(seeing.sway, bent)), moves
-
-
-def _places(estimate: Estimate, seen: Observation, velocity: Floats) -> Floats:
-    """Return the true places (m, 3) of what was seen, m, at its stamp.
-
-    The gripper moved with a velocity (6,), rad/s and m/s, and the DLO along with it.
-    """
-    found = estimate.camera_error.undone(seen.points)
-    errors = LookErrors(velocity=tuple(velocity.tolist()))
-    return found + estimate.delay * errors.behind(found, seen.gripper)
 
 
 def _judge_gap(stamps: Sequence[float], poses: Sequence[Pose], stamp: float) -> None:

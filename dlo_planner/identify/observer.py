@@ -152,7 +152,8 @@ class Observer(Value):
             larger.
         late : array_like, shape (6,), optional
             How the gripper moves in the time by which the stamp of this look alone may be wrong:
-            rotation vector, rad, and way, m, world axes. It displaces all points together.
+            rotation vector, rad, and way, m, world axes. It displaces all points together, each as
+            far as the DLO follows its gripper.
         velocity : array_like, shape (6,), optional
             How the gripper moved at the stamp: angular velocity, rad/s, and velocity, m/s, world
             axes. By it the constant delay of the stamps is told.

@@ -34,7 +34,7 @@ from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.residuals import from_either_end, point_residuals
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.uncertainty.state import CALIBRATION, PointSlopes
+from dlo_planner.uncertainty.state import CALIBRATION, PointSlopes, slopes_by_gripper
 
 _POSES = 4        # of the gripper, whose looks are remembered
 _LOOKS = 8        # remembered at each of them
@@ -51,6 +51,7 @@ _HARDLY = 2e-4    # of the length: derivatives of a DLO that moved by less are t
 _ENOUGH = 1e-4    # part of the decrease predicted for a step that it has to give (Armijo)
 _STILL = 1e-6     # of the noise: a smaller sway counts as none
 _RARE = 1e-4      # part of the looks that exceed a limit of consistency by chance
+_EVEN = 33        # places along a DLO, between which it follows its gripper evenly
 _PAST = 32        # looks that are judged together, at most
 _SEEN = 0.02      # part of a variance by which a look has to lower it to tell of that direction
 # chi-squares of two degrees: by chance the largest of `_PAST` partial sums exceeds the first in one
@@ -68,15 +69,47 @@ class LookErrors(NamedTuple):
 
     sway: float = 0.0  # of the free end about its rest along each world axis, m
     # rotation vector, rad, and way, m, of the gripper in the time by which the stamp may be wrong,
-    # world axes: the DLO moves along with it
+    # world axes: the DLO follows it
     late: tuple[float, ...] = (0.0,) * 6
-    # of the gripper, rad/s and m/s, world axes: by a delay of all stamps the points lie behind it
+    # of the gripper, rad/s and m/s, world axes: by a delay of all stamps the DLO is behind
     velocity: tuple[float, ...] = (0.0,) * 6
 
-    def behind(self, points: Floats, gripper: Pose) -> Floats:
-        """Return (m, 3) m/s by which points (m, 3) of a DLO move along with its gripper."""
-        turn, shift = np.array(self.velocity[:3]), np.array(self.velocity[3:])
-        return shift + np.cross(turn, points - gripper.position)
+    @property
+    def moves(self) -> bool:
+        """Whether the gripper moves."""
+        return any(self.late) or any(self.velocity)
+
+
+@dataclass(frozen=True, eq=False)
+class Off:
+    """By how much a DLO is off its equilibrium at the stamp, at k even arc lengths, world axes."""
+
+    bent: Floats | None = None     # (k, 3) m, in motion, see `Observer.update`; None: it is not
+    # (k, 3) m, how far it goes in the time by which the stamp may be wrong; None: it is at rest
+    late: Floats | None = None
+    velocity: Floats | None = None  # (k, 3) m/s, of its points; None: it is at rest
+
+    @classmethod
+    def of(cls, shape: Shape, errors: LookErrors, bent: Floats | None) -> Off:
+        """Return that of a DLO in a Shape, which follows its gripper."""
+        if not errors.moves:
+            return cls(bent)
+        s = np.linspace(0.0, shape.s[-1], _EVEN if bent is None else len(bent))
+        by_gripper = slopes_by_gripper(shape)(s)
+        return cls(bent, by_gripper @ np.array(errors.late), by_gripper @ np.array(errors.velocity))
+
+    def at(self, delay: float) -> Floats | None:
+        """Return (k, 3) m if stamps are too late by a delay, s; None: it is not off."""
+        if not delay or self.velocity is None:
+            return self.bent
+        behind: Floats = -delay * self.velocity
+        return behind if self.bent is None else self.bent + behind
+
+
+def evenly(values: Floats, parts: Floats) -> Floats:
+    """Return (m, 3) of values (k, 3) at even places of a length, at parts (m,) of it."""
+    even = np.linspace(0.0, 1.0, len(values))
+    return np.stack([np.interp(parts, even, column) for column in values.T], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,21 +124,19 @@ class Look:
     inside: Bools   # (m,) which arc lengths are known, and not those of the end
 
     @classmethod
-    def of(cls, shape: Shape, points: Floats, s: Floats | None, errors: LookErrors,
-           bent: Floats | None) -> Look:
-        """Return the Look of points (m, 3), at s (m,) if known; for `bent` see Observer.update."""
+    def of(cls, shape: Shape, points: Floats, s: Floats | None, sway: float, beside: Off,
+           delay: float) -> Look:
+        """Return the Look of points (m, 3), at s (m,) if known, with stamps late by a delay, s."""
         # the distance along the DLO is left out beyond an end as well: the end itself is hardly
         # ever among the points
-        off, at, frames, _ = point_residuals(shape, points, s, bent)
+        off, at, frames, _ = point_residuals(shape, points, s, beside.at(delay))
         axes = frames[:, :, 1:].transpose(0, 2, 1) if s is None else np.tile(
             np.eye(3), (at.size, 1, 1))
         rows, length = [np.zeros((*axes.shape[:2], 0))], shape.s[-1]
-        if errors.sway:
-            rows.append(axes * (errors.sway * (at / length) ** 2)[:, None, None])
-        if any(errors.late):
-            turn, shift = np.array(errors.late[:3]), np.array(errors.late[3:])
-            arms = points - off - shape.gripper.position
-            rows.append(axes @ (shift + np.cross(turn, arms))[:, :, None])
+        if sway:
+            rows.append(axes * (sway * (at / length) ** 2)[:, None, None])
+        if beside.late is not None and beside.late.any():
+            rows.append(axes @ evenly(beside.late, at / length)[:, :, None])
         return cls(np.einsum('mij,mj->mi', axes, off), axes, at, frames[:, :, 0],
                    np.concatenate(rows, axis=2),
                    np.zeros(at.size, dtype=bool) if s is None else at < length)
@@ -145,14 +176,14 @@ class Keyframe:
     error: Floats     # (p,) that of the robot, in its deviations
     noise: float      # m, of these looks
     errors: LookErrors
-    bent: Floats | None = None  # (k, 3), see `Observer.update`
+    off: Off = Off()
     link: float = 0.0   # correlation of the robot's error with that of the keyframe before
     lasts: float = 0.0  # s from its first look to its last
     slopes: PointSlopes | None = None  # of a shape that is hardly another
 
     def takes(self, other: Keyframe) -> bool:
         """Return whether looks of another Keyframe can be added to this one."""
-        if self.bent is not None or other.bent is not None:
+        if self.off.bent is not None or other.off.bent is not None:
             return False
         near = _SAME * self.noise
         return (self.noise, self.errors) == (other.noise, other.errors) and (
@@ -351,9 +382,10 @@ class LookUpdate:
         s, points = self._observation.s, self._observation.points
         if s is not None:
             s = from_either_end(first, points, s)
+        noise, errors, bent = self._look
         window, forgotten = before.with_look(
-            Keyframe(self._observation.gripper, ((points, s),), first, error, *self._look),
-            self._elapsed, self._robot)
+            Keyframe(self._observation.gripper, ((points, s),), first, error, noise, errors,
+                     Off.of(first, errors, bent)), self._elapsed, self._robot)
         joined = bool(before.keyframes) and forgotten is None and (
             len(window.keyframes) == len(before.keyframes))
         if forgotten is not None:
@@ -443,17 +475,14 @@ class LookUpdate:
 
     def _looks(self, keyframe: Keyframe, shape: Shape, y: Floats) -> list[Look]:
         """Return the Looks of a keyframe from its Shape at y."""
-        return [Look.of(shape, self._undone(points, keyframe, y), s, keyframe.errors,
-                        keyframe.bent) for points, s in keyframe.stacked()]
+        return [self._look_at(points, s, keyframe, shape, y) for points, s in keyframe.stacked()]
 
-    def _undone(self, points: Floats, keyframe: Keyframe, y: Floats) -> Floats:
-        """Return the places (m, 3), at y, of points (m, 3) that were seen in a keyframe."""
+    def _look_at(self, points: Floats, s: Floats | None, keyframe: Keyframe, shape: Shape,
+                 y: Floats) -> Look:
+        """Return the Look, at y, of points (m, 3) that were seen in a keyframe."""
         z = y[:self._n] * self._unit[:self._n]
-        places, delay = self._uncertain.camera(z, self._reference).undone(points), (
-            self._uncertain.delay(z))
-        if not delay:
-            return places
-        return places + delay * keyframe.errors.behind(places, keyframe.gripper)
+        return Look.of(shape, self._uncertain.camera(z, self._reference).undone(points), s,
+                       keyframe.errors.sway, keyframe.off, self._uncertain.delay(z))
 
     def _equations(self, here: _Evaluated) -> _Equations:
         """Return the _Equations of a step from a state."""
@@ -509,12 +538,12 @@ class LookUpdate:
         by_state = slopes_at(s)
         by_state[:, numbers, columns] += 1.0
         turned, delayed = uncertain.columns('camera_rotation'), uncertain.columns('stamps')[0]
-        if turned[0].size or delayed.size:
+        if turned[0].size:
             places = shape.positions_at(np.minimum(s, shape.s[-1]))
             camera = uncertain.camera(np.zeros(self._n), self._reference)
             by_state[:, :, turned[0]] += camera.slopes(places)[:, :, turned[1]]
-            for column in delayed:
-                by_state[:, :, column] -= keyframe.errors.behind(places, keyframe.gripper)
+        if delayed.size and keyframe.off.velocity is not None:
+            by_state[:, :, delayed] -= evenly(keyframe.off.velocity, s / shape.s[-1])[:, :, None]
         ends = np.cumsum([look.s.size for look in looks])
         for look, own in zip(looks, np.split(by_state, ends[:-1]), strict=True):
             # a place moves along with the length, a point of known arc length does not
@@ -574,8 +603,8 @@ class LookUpdate:
                 expected: tuple[Floats, Floats]) -> Estimate:
         window, keyframe, shape = self._window, self._window.keyframes[-1], here.shapes[-1]
         points, s = keyframe.looks[-1]
-        last = self._mixture(Look.of(shape, self._undone(points, keyframe, here.y), s,
-                                     keyframe.errors, keyframe.bent), keyframe, shape)  # alone
+        last = self._mixture(self._look_at(points, s, keyframe, shape, here.y), keyframe,
+                             shape)  # alone
         now = np.r_[0:self._n, self._errors(len(window.keyframes))]
         covariance = symmetric(np.linalg.inv(equations.matrix)[np.ix_(now, now)])
         mean = (here.y + step)[now]

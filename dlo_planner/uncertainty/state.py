@@ -282,6 +282,17 @@ class PointSlopes(NamedTuple):
         return out
 
 
+def slopes_by_gripper(shape: Shape) -> PointSlopes:
+    """Return the slopes by the gripper's twist: rotation vector, rad, and way, m, world axes.
+
+    Those of a DLO that hangs freely in equilibrium: it goes along with its gripper as far as its
+    stiffness leads it, a soft one hangs down as before where a rigid body would turn.
+    """
+    strains = np.moveaxis(Sensitivity(shape).strains[:, :, :3], 2, 0)
+    return PointSlopes(shape, 6, np.arange(3), strains, np.zeros(strains.shape[:2]), np.arange(3),
+                       np.eye(3), np.arange(3, 6), np.eye(3))
+
+
 def stretched(shape: Shape, length: float) -> Shape:
     """Return a Shape on a mesh of another length, to start from."""
     share = length / shape.s[-1]
