@@ -3,7 +3,7 @@
 # make test-all  in addition: sweeps over cases, wheel and sdist, kernel caches, site; an hour
 # make bench  timings beside a hand-written loop, peers, the paper's figures: docs/benchmarks.md
 # make figures  all figures of the paper, a few minutes; figures_output/ (docs/reproduction.md)
-# make validation  what docs/validation.md says, measured again; below ten minutes
+# make validation  what the pages of validations say, measured again; below ten minutes
 # make bench-check  fails where a ratio to that loop has grown by 30 %
 # make cell   20 tasks in a physics engine; runs and a film in cell_output/
 # make soak   a node under odd messages, load and faults for 10 minutes; report in soak_output/

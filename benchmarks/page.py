@@ -11,14 +11,17 @@ _WORDS = Path(__file__).parent / 'page.md'
 _PLACE = re.compile(r'\{\{(\w+)\}\}')
 
 
-def text(words: str, folder: Path) -> str:
-    """Return a page with each {{name}} replaced by name.md of a folder's data, if it is there."""
+def text(words: str, folder: Path, inside: bool = False) -> str:
+    """Return a page with each {{name}} replaced by name.md of a folder's data, if it is there.
+
+    The page stands beside the folder, or inside it: that is where its pictures are linked from.
+    """
     def table(found):
         path = data_of(folder) / f'{found[1]}.md'
         if not path.exists():
             return '*Not measured yet.*'
         told = path.read_text().split('\n', 2)[2].strip()  # without its title
-        return told.replace('](', f']({folder.name}/')
+        return told if inside else told.replace('](', f']({folder.name}/')
 
     return _PLACE.sub(table, words)
 

@@ -41,7 +41,7 @@ PERIOD = 0.02  # s
 WAIT = 1.0     # s at rest before a hand opens or closes: the person or robot that does it
 CELLS = 80  # the hands hold at multiples of a cell
 JAWS = 0.01    # m: a hand that opens 20 mm catches what is nearer to its middle
-# standard deviations as those of a plan that were tried before (`docs/validation.md`): 2 % of
+# standard deviations as those of a plan that were tried before (`docs/validation/plans.md`): 2 % of
 # stiffness, 1 % of weight, bends of 0.02 1/m, 0.3 mm of length; feed, hole and hands 0.2 mm off,
 # feed and hands turned by 1 mrad
 SHIFT, TURN = 2e-4, 1e-3

@@ -68,12 +68,41 @@ def test_the_readme_is_short():
     assert [line for line in lines if len(line) > 100 and not line.startswith('![')] == []
 
 
-@pytest.mark.parametrize('page', [*ROOT.glob('*.md'), *ROOT.glob('docs/*.md')],
-                         ids=lambda page: page.name)
-def test_linked_files_exist(page):
-    links = re.findall(r'\]\(([^)#:]+)\)', page.read_text())
+WRITTEN = sorted(path for folder in (ROOT, ROOT / 'docs', ROOT / 'examples', ROOT / '.github')
+                 for path in folder.glob('*.md' if folder == ROOT else '**/*.md')
+                 if 'made' not in path.parts)
+
+
+def anchors(page):
+    """Return what links may name on a page: its headings in small letters, with hyphens."""
+    headings = re.findall(r'^#+ (.*)$', page.read_text(), re.M)
+    return {re.sub(r'[^\w\- ]', '', heading.lower()).replace(' ', '-') for heading in headings}
+
+
+@pytest.mark.parametrize('page', WRITTEN, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_linked_files_and_headings_exist(page):
     made = set(re.findall(r'^made/\w+$', (ROOT / 'docs' / 'index.md').read_text(), re.M))
-    made = {f'{name}.md' for name in made}
-    assert links or page.name != 'README.md'
-    assert [link for link in links
-            if link.removeprefix('../') not in made and not (page.parent / link).exists()] == []
+    made = {ROOT / 'docs' / f'{name}.md' for name in made}
+    links = re.findall(r'\]\(([^)\s]+)\)', re.sub(r'```.*?```', '', page.read_text(), flags=re.S))
+    assert links or page.name != 'README.md' or page.parent != ROOT
+    for link in links:
+        if re.match('https?:|mailto:', link):
+            continue
+        name, _, heading = link.partition('#')
+        linked = (page.parent / name).resolve() if name else page
+        assert linked in made or linked.exists(), link
+        assert not heading or linked in made or heading in anchors(linked), link
+
+
+def test_pages_that_sources_name_exist():
+    sources = [path for folder in ('dlo_planner', 'msg_helpers', 'benchmarks', 'test', 'examples',
+                                   'config', 'launch', 'demo', 'scripts')
+               for path in (ROOT / folder).rglob('*')
+               if path.suffix in ('.py', '.toml', '.xml', '.yaml', '.md', '')
+               and path.is_file() and 'compiled' not in path.parts]
+    named = {(name, path.relative_to(ROOT).as_posix())
+             for path in [*sources, *ROOT.glob('*.[a-z]*'), ROOT / 'Makefile'] if path.is_file()
+             for name in re.findall(r'\bdocs/[\w/]+\.(?:md|rst|png|gif)', path.read_text())}
+    assert len(named) > 20
+    assert [one for one in sorted(named)
+            if '/made/' not in one[0] and not (ROOT / one[0]).exists()] == []

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Measure again what the docs say; write docs/validation.md, its JSON, numbers of README and docs.
+"""Measure again what the docs say; write the pages of validations, their JSON, numbers of the docs.
 
 python -m benchmarks.validation [--jobs 2] [--output FOLDER] [words in the names of some ...]
 """

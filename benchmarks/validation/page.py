@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The page: its words are in page.md, its tables those of the JSON."""
+"""The pages: their words are in the folder `words`, their tables those of the JSON."""
 
 import json
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from benchmarks.page import text
 from benchmarks.validation import asserted, scripted
 from benchmarks.validation.asserted import Json
 
-_WORDS = Path(__file__).parent / 'page.md'
+WORDS = Path(__file__).parent / 'words'
 _NAME = 'validation.json'
 
 
@@ -23,24 +23,34 @@ def load(folder: Path) -> Json:
 
 
 def write(folder: Path, found: Json) -> None:
-    """Write the JSON and the tables of a folder, and the page beside it."""
+    """Write the JSON and the tables of a folder, the first page beside it, the others into it."""
     kept = report.data_of(folder)
     (kept / _NAME).write_text(json.dumps(found, indent=1, allow_nan=False) + '\n')
     for name, table in tables(found).items():
         (kept / f'{name}.md').write_text(f'# {name.capitalize()}\n\n{table}')
-    folder.with_suffix('.md').write_text(text(_WORDS.read_text(), folder))
+    for path, words in pages_of(folder).items():
+        path.write_text(words)
+
+
+def pages_of(folder: Path) -> dict[Path, str]:
+    """Return the pages that belong to a folder by their files: the first is beside it."""
+    found = {}
+    for words in sorted(WORDS.glob('*.md')):
+        first = words.stem == 'validation'
+        path = folder.with_suffix('.md') if first else folder / words.name
+        found[path] = text(words.read_text(), folder, inside=not first)
+    return found
 
 
 def tables(found: Json) -> dict[str, str]:
     """Return the tables in Markdown by their names."""
-    parts = []
-    for group in found.get('asserted', {}).values():
+    parts = {}
+    for name, group in found.get('asserted', {}).items():
         table = report.markdown(asserted.HEADS, asserted.lines(group))
-        parts.append(f'### {group["title"]}\n\n{table}\n{_when([group])}')
+        parts[f'asserted_{name}'] = f'## {group["title"]}\n\n{table}\n{_when([group])}'
     scripts = found.get('scripts', {})
     return {'scripts': report.markdown(scripted.HEADS, scripted.lines(scripts))
-            + '\n' + _when(scripts.values()), 'asserted': '\n'.join(parts),
-            'summary': _summary(found)}
+            + '\n' + _when(scripts.values()), 'summary': _summary(found)} | parts
 
 
 def broken(found: Json) -> list[str]:

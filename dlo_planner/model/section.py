@@ -167,8 +167,8 @@ def fibers(kind: str, bore: float) -> tuple[Floats, Floats]:
     """Return the heights (J, 2) of J fibers over the axes n and b, and their weights (J,).
 
     Elastic bending is exact: the sums of weight times height squared are 1 for both axes, that of
-    the product of the heights is 0. `docs/validation.md` says how near yielding comes to the
-    continuous section.
+    the product of the heights is 0. `docs/validation/shapes.md` says how near yielding comes
+    to the continuous section.
     """
     heights, weights = _in_square() if kind == 'rectangular' else _in_ring(bore)
     return heights, weights / (weights @ heights[:, 0] ** 2)

@@ -76,6 +76,7 @@ def test_the_page_takes_what_was_measured(tmp_path):
     words = page.text('before {{core}} after {{peers}}', folder)
     assert words.startswith('before ![x](found/a.png)')
     assert words.endswith('after *Not measured yet.*')
+    assert page.text('{{core}}', folder, inside=True).startswith('![x](a.png)')
 
 
 def test_slope_and_exponent():

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.page import text
 from benchmarks.report import data_of
 from benchmarks.validation import page, pages
 
@@ -19,13 +18,18 @@ def test_numbers_in_sentences_of_pages_are_those_that_were_measured(name):
     assert pages.updated(name) == (pages.DOCS / name).read_text()
 
 
-def test_the_page_of_validations_is_that_of_its_json():
+def test_the_pages_of_validations_are_those_of_their_json():
     folder = ROOT / 'docs' / 'validation'
-    known = page.load(folder)
-    for name, table in page.tables(known).items():
+    tables = page.tables(page.load(folder))
+    for name, table in tables.items():
         assert (data_of(folder) / f'{name}.md').read_text() == f'# {name.capitalize()}\n\n{table}'
-    words = (ROOT / 'benchmarks' / 'validation' / 'page.md').read_text()
-    assert (ROOT / 'docs' / 'validation.md').read_text() == text(words, folder)
+    pages_now = page.pages_of(folder)
+    assert {path for path in pages_now if path.parent == folder} == {*folder.glob('*.md')}
+    for path, words in pages_now.items():
+        assert path.read_text() == words
+    placed = re.findall(r'\{\{(\w+)\}\}', ''.join(
+        path.read_text() for path in page.WORDS.glob('*.md')))
+    assert len(placed) == len(set(placed)) and {*tables} < {*placed}  # each on one page
 
 
 def test_every_figure_that_was_measured_once_says_when():

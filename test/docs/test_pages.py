@@ -28,7 +28,7 @@ from dlo_planner.settings.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / 'docs'
-PAGES = [ROOT / 'README.md', *DOCS.glob('*.md'), *(DOCS / 'howto').glob('*.md')]
+PAGES = [ROOT / 'README.md', *DOCS.glob('*.md'), *DOCS.glob('[!m]*/*.md')]  # but those made
 TEXT = '\n'.join(page.read_text() for page in PAGES).replace('\\\n', ' ')
 
 

@@ -220,7 +220,7 @@ def test_parameters_at_run_time(inside, node, name, value, reason):
 
 
 def test_table_and_page_of_causes_agree():
-    page = (Path(__file__).parents[2] / 'docs' / 'ros_interface.md').read_text()
+    page = (Path(__file__).parents[2] / 'docs' / 'ros' / 'status.md').read_text()
     rows = [line for line in page.splitlines() if line.startswith('| ')]
     for cause in Cause:
         assert f'| {cause.value} | `{cause.name}` | {cause.meaning} |' in rows

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The commands of docs/ros_interface.md, as printed and in their order, as the launch starts it."""
+"""The commands of the pages of tasks and grips, in their order, as the launch starts the node."""
 
 from time import monotonic, sleep
 
@@ -14,8 +14,8 @@ from ros2_commands import commands_of, run_inside
 
 from dlo_planner.settings.parameters import PARAMETERS
 
-PAGE = (ROOT / 'docs' / 'ros_interface.md').read_text()
-COMMANDS = commands_of(PAGE)
+PAGES = [(ROOT / 'docs' / 'ros' / f'{name}.md').read_text() for name in ('tasks', 'grips')]
+COMMANDS = commands_of('\n'.join(PAGES))
 DLO = arguments_of(described(ROOT / 'launch' / 'planner.launch.py'))['rod']
 FILE = ROOT / 'config' / f'{DLO}.yaml'
 PATIENCE = 30.0  # s, for a proof that is still being made
