@@ -28,8 +28,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from dlo_planner import DirectSimulator, Pose, Rod, parallel  # noqa: E402
 from dlo_planner.direct.simulator import motion_by  # noqa: E402
 from dlo_planner.parallel.pool import Pool  # noqa: E402
-from dlo_planner.parallel.speculation import AheadStepper, Rounds, track_ahead  # noqa: E402
 from dlo_planner.progress import Progress  # noqa: E402
+from dlo_planner.study.speculation import AheadStepper, Rounds, track_ahead  # noqa: E402
 
 TASKS = (1, 2, 3, 4, 6, 8, 16, 32, 64)
 NAMES = {'newton': 'Newton', 'dfp': 'DFP', 'downhill_simplex': 'simplex'}

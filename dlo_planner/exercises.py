@@ -6,6 +6,7 @@ test_kernels.py watches that no kernel is left out.
 """
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +17,7 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import corrected_by, past_of
+from dlo_planner.errors import DloPlannerError
 from dlo_planner.execute.correction_checks import aimed_anew
 from dlo_planner.execute.limiter import frames_of, velocities
 from dlo_planner.execute.loop_motions import LoopTask, way_back, way_in, way_to_standoff
@@ -45,6 +47,7 @@ _YIELDING = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=
 _LEVEL = Pose((0, 0, 0), (0, 0, 0, 1))
 _TETRAHEDRON = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 _TILTED = Pose.looking_along((0, 0, 0), (1, 0.2, 0))
+_OPENING = CutOut(Pose.looking_along((0.4, 0, 0), (1, 0, 0)), radius=0.2)
 
 
 def _hanging() -> Iterator[tuple[DirectSimulator, Shape]]:
@@ -83,7 +86,14 @@ def many() -> None:
     assert DirectSimulator(_ROD, point_loads=[turned]).solve(_LEVEL).converged
 
 
-# What a node does when it starts: answers itself, the others in threads and processes.
+# What a node does when it starts: first shapes before it is active, the others beside its work.
+
+
+def first_shapes(direct: DirectSimulator) -> None:
+    """Use the kernels by which a node answers gripper poses."""
+    with suppress(DloPlannerError):
+        shape = direct.track([_LEVEL, Pose.looking_along((0, 0, 0), (1, 0, 0.1))])[-1]
+        assert np.isfinite(shape.error_estimate) and np.isfinite(shape.gripper_wrench).all()
 
 
 def answers() -> None:
@@ -152,27 +162,40 @@ def _hole(x: float) -> CutOut:
     return CutOut(Pose.looking_along((x, 0, 0), (1, 0, 0)), radius=0.1)
 
 
+def _among_obstacles() -> DirectSimulator:
+    """Return a DLO that yields, over a plane and beside a sheet with a hole."""
+    return DirectSimulator(_YIELDING, obstacles=[Plane((0, 0, -0.2), (0, 0, 1), 0.2),
+                                                 Sheet.around(_OPENING)])
+
+
 def touching() -> None:
-    """Solve among obstacles, with yield, and plan there."""
-    hole = CutOut(Pose.looking_along((0.4, 0, 0), (1, 0, 0)), radius=0.2)
-    direct = DirectSimulator(_YIELDING, obstacles=[Plane((0, 0, -0.2), (0, 0, 1), 0.2),
-                                                   Sheet.around(hole)])
+    """Solve among obstacles, with yield: half of all that there is to compile."""
+    _among_obstacles().track([_LEVEL, Pose((0, 0, -0.05), (0, 0, 0, 1))])
+
+
+def moved_in_contact() -> None:
+    """Move among obstacles, with yield; hold the far end there."""
+    direct = _among_obstacles()
     shapes = direct.track([_LEVEL, Pose((0, 0, -0.05), (0, 0, 0, 1))])
     direct.simulate([_LEVEL] * 2, 0.01, shapes[0])
     Sensitivity(shapes[-1])
     assert shapes[-1].self_distance == np.inf
+    direct.solve(_LEVEL, far_end=(0.8, 0, 0))
+    AwayFrom((Plane((0, 0, -0.2), (0, 0, 1)),), 0.1).residuals(shapes[0])
+    InHole(_OPENING, 0.1).residuals(shapes[0])
+
+
+def planned_among_obstacles() -> None:
+    """Plan among obstacles, and lie on a mesh."""
+    cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
+    for simulator in (DirectSimulator(_YIELDING), _among_obstacles()):
+        InverseSimulator(simulator, workspace=cell).thread(
+            CutOut(Pose.looking_along((9, 0, 1), (1, 0, 0)), radius=0.2), depths=[0, 0.5])
     elastic = DirectSimulator(_ROD, n_elements=64, obstacles=[Plane((0, 0, -0.01), (0, 0, 1))])
     shape = elastic.track([Pose((0, 0, z), (0, 0, 0, 1)) for z in (0, -0.005, -0.006)])[-1]
     assert corrected_by(elastic.mesh, shape, past_of(elastic.mesh, shape, None)) < 1
-    direct.solve(_LEVEL, far_end=(0.8, 0, 0))
-    AwayFrom((Plane((0, 0, -0.2), (0, 0, 1)),), 0.1).residuals(shapes[0])
     corners = 0.01 * np.vstack([np.zeros(3), np.eye(3)])
     DirectSimulator(_THIN, n_elements=16, obstacles=[Mesh(corners, _TETRAHEDRON)]).solve(_LEVEL)
-    InHole(hole, 0.1).residuals(shapes[0])
-    cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
-    for simulator in (DirectSimulator(_YIELDING), direct):
-        InverseSimulator(simulator, workspace=cell).thread(
-            CutOut(Pose.looking_along((9, 0, 1), (1, 0, 0)), radius=0.2), depths=[0, 0.5])
 
 
 def held() -> None:
@@ -208,5 +231,7 @@ def seen() -> None:
     correct(estimate, plan)
 
 
-# the first one is shared
-ALL = (shapes, touching, motions, answers, held, seen, proofs, closed_loop, many)
+# Two processes take them in this order: the first is about as long as the next seven together, the
+# last two need what both have compiled.
+ALL = (touching, shapes, motions, seen, proofs, closed_loop, answers, many, held,
+       moved_in_contact, planned_among_obstacles)

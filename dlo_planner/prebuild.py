@@ -6,7 +6,8 @@
 versions of Python, numba, llvmlite and numpy, and any processor of this kind. What is not valid is
 not found, and compiled when it is first needed. A second run compiles only what has changed.
 
-Two processes do it, once the first exercise has compiled what all of them need.
+Two processes do it, the longest exercise first. What both need at once is compiled twice, which is
+less than one of them would wait for the other.
 """
 
 import argparse
@@ -49,10 +50,9 @@ def prebuild(into: Path | None = None) -> Path:
     from dlo_planner.kernels import files  # noqa: PLC0415
     folder = files.IN_PACKAGE if into is None else into / files.IN_PACKAGE.name
     folder.mkdir(parents=True, exist_ok=True)
-    first, *others = range(len(exercises.ALL))
     with ProcessPoolExecutor(_PROCESSES, get_context('spawn'), leave_to_parent) as pool:
         use = partial(_use, folder)
-        kept = pool.submit(use, first).result().union(*pool.map(use, others))
+        kept = set().union(*pool.map(use, range(len(exercises.ALL))))
     for path in folder.iterdir():
         if path.name.rsplit('-', 1)[0] not in kept:
             with suppress(FileNotFoundError):  # another process does the same

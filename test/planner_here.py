@@ -32,11 +32,11 @@ def planner_here(monkeypatch, context, *arguments, warm_up=lambda: None, **value
     Args:
         monkeypatch: of pytest; context: Context
         arguments: of the command line
-        warm_up: what it does in place of loading the solver
+        warm_up: what it does in place of loading what shapes need
         values: of parameters; '__' stands for '.'
     """
-    monkeypatch.setattr(planner, 'answers', warm_up)
-    for name in ('proofs', 'closed_loop'):  # of other processes
+    monkeypatch.setattr(planner, 'first_shapes', lambda direct: warm_up())
+    for name in ('answers', 'proofs', 'closed_loop'):  # of other processes
         monkeypatch.setattr(planner, name, int)
     overrides = [Parameter(name.replace('__', '.'), value=value) for name, value in values.items()]
     node = planner.PlannerNode(context=context, parameter_overrides=overrides,

@@ -52,6 +52,25 @@ def test_a_first_shape_imports_no_ros_nothing_of_plans_and_little_of_scipy():
     assert 'rclpy' not in loaded
 
 
+MAIN_PATH = """
+import sys
+from dlo_planner.public import *
+from dlo_planner import penalties, results, rods, tasks
+wire = DirectSimulator(Rod(1.0, 0.1, 1.0, 1.0, radius=1e-3), n_elements=8)
+shape = wire.track([Pose((0, 0, 1), (0, 0, 0, 1)), Pose((0, 0.01, 1), (0, 0, 0, 1))])[-1]
+wire.simulate([shape.gripper] * 2, 0.01)
+InverseSimulator(wire).thread(CutOut(Pose.identity()), depths=[0, 0.1])
+print(*(name for name in sys.modules if name.startswith('dlo_planner.study')), 'none but these')
+"""
+
+
+def test_the_main_path_reads_nothing_of_the_papers_methods():
+    assert printed(MAIN_PATH).split() == ['none', 'but', 'these']
+    studied = printed('import sys\nfrom dlo_planner.parallel import speculative\n'
+                      'print(*sys.modules)')
+    assert 'dlo_planner.study.speculation' in studied.split()
+
+
 def test_it_is_known_where_every_public_name_is():
     assert set(dlo_planner._homes()) == set(dlo_planner.__all__)
 

@@ -36,13 +36,12 @@ from dlo_planner.direct.dynamics import (
 )
 from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.motion import Motion
-from dlo_planner.direct.search import STRAINS
+from dlo_planner.direct.search import METHODS, STRAINS
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import StepInputs, step
 from dlo_planner.direct.stepper import Stepper
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.basis import BASES, converging
-from dlo_planner.minimize.classic import METHODS
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, integer, items, number, shown
 from dlo_planner.model.holds import Hold, Holds, holds_of, named, places_of

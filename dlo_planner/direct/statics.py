@@ -32,6 +32,7 @@ from dlo_planner.direct.search import (
     described_minimum,
     hinge_unknowns,
     minimum,
+    minimum_by,
     own_unknowns,
     turn_of,
     with_hinge,
@@ -43,7 +44,6 @@ from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.terms import may_act
 from dlo_planner.geometry.so3 import matrix, partway, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.convergence import CONVERGED, Minimum
 from dlo_planner.minimize.newton import follow_homotopy
 from dlo_planner.minimize.semismooth import correction
@@ -649,7 +649,7 @@ def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats,
     system = mesh.system(gripper.rotation, gripper.position, memory, holds, culled=culled)
     q = mesh.unknowns(strains)
     found = (minimum(mesh, system, gripper, q, memory, how) if method == 'newton'
-             else search(system, q, method, TOLERANCE))
+             else minimum_by(method, system, q, TOLERANCE))
     return shape_of(mesh, gripper, found, memory, holds)
 
 

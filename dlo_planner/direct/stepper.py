@@ -43,14 +43,13 @@ from dlo_planner.direct.integrator import (
     stability_at,
     step_problem,
 )
-from dlo_planner.direct.search import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE
+from dlo_planner.direct.search import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE, minimum_by
 from dlo_planner.direct.shape import Shape, State
 from dlo_planner.direct.statics import acts_at, reach_of, shape_from
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
 from dlo_planner.energy.problem import Problem
 from dlo_planner.geometry.self_passage import first_passage
-from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.convergence import accept_by_decrement
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Bools, Floats, Ints
@@ -318,7 +317,8 @@ class Stepper:
             for start in [guess, *starts] if len(guess) and row == PAST + 1 else starts:
                 q = np.empty((self.discretization.n_unknowns, 3))
                 unknowns_of(problem, start, q)
-                found = accept_by_decrement(search(problem, q, self.method, options.tolerance))
+                found = accept_by_decrement(
+                    minimum_by(self.method, problem, q, options.tolerance))
                 converged = record_step(how, problem, found.state, buffer, row, row - 1,
                                         float(found.residual), float(found.stability),
                                         found.iterations, 0.0, options)

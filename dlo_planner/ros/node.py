@@ -16,9 +16,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from visualization_msgs.msg import MarkerArray
 
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.execute.causes import Cause
-from dlo_planner.exercises import answers, closed_loop, looks, proofs
+from dlo_planner.exercises import answers, closed_loop, first_shapes, looks, proofs
 from dlo_planner.model.rod import doubts
 from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.estimate import Estimator
@@ -53,6 +54,7 @@ THREADS = len(_GROUPS) + 3
 _RESTING = 4.5  # s in which a motion may come to rest when the node is told to end
 _ENDING = 2.0   # s in which callbacks that run may end then
 _LOOK = 0.02    # s between looks whether it has
+_COMPILING = 1800.0  # s that compiling all of the solver may take: minutes, ten times as slow
 
 
 class PlannerNode(LifecycleNode):
@@ -75,7 +77,7 @@ class PlannerNode(LifecycleNode):
         period = self.get_parameter('diagnostics_period').value
         try:
             with self._telling(period):
-                self._load()
+                self._load(direct)
             self.show()
             self.create_timer(period, self._publish_diagnostics,
                               clock=Clock(clock_type=ClockType.STEADY_TIME),
@@ -93,21 +95,28 @@ class PlannerNode(LifecycleNode):
     def _values(self) -> dict[str, Any]:
         return {name: self.get_parameter(name).value for name in PARAMETERS}
 
-    def _load(self) -> None:
-        """Use all kernels once, so that no request waits for a compiler."""
-        self.get_logger().info('loading the solver (minutes, if it was not compiled at '
+    def _load(self, direct: DirectSimulator) -> None:
+        """Use the kernels of shapes once, and the others in another thread.
+
+        Only a request that comes before its kernels are loaded waits for them.
+        """
+        self.get_logger().info('loading the solver (half a minute, if it was not compiled at '
                                'installation and this is the first start)')
         started = monotonic()
-        answers()
-        # only what comes before this is ready waits for it; proofs and the loop have processes
-        Thread(target=self._load_rest, daemon=True).start()
-        self.get_logger().info(f'the solver is loaded, after {monotonic() - started:.1f} s')
+        first_shapes(direct)
+        Thread(target=self._load_rest, args=(started,), daemon=True).start()
+        self.get_logger().info(f'shapes can be predicted, after {monotonic() - started:.1f} s')
 
-    def _load_rest(self) -> None:
+    def _load_rest(self, started: float) -> None:
+        """Use all other kernels; what is not compiled yet, a process compiles into files."""
         with suppress(DloPlannerError):  # a process is started again for the first plan
+            self._prover.result(answers, patience=_COMPILING)
+        answers()
+        with suppress(DloPlannerError):
             self._prover.result(proofs)
             self._looping.result(closed_loop)
         looks()
+        self.get_logger().info(f'all of the solver is loaded, after {monotonic() - started:.1f} s')
 
     # ---- lifecycle ------------------------------------------------------------------------------
 

@@ -26,6 +26,7 @@ from wires import threaded
 from dlo_planner import Limits, Pose, Trajectory
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.execution import Execution, Feedback, Guards
+from dlo_planner.ros import node as planner
 from dlo_planner.ros.lifecycle import CHANGES, LATCHED
 from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
 
@@ -167,6 +168,25 @@ def test_nothing_is_seen_before_it_is_ready_but_that_it_starts(monkeypatch, cont
         go.set()
         thread.join(2 * PATIENCE)
     assert made
+
+
+def test_shapes_come_while_the_rest_of_the_solver_is_compiled(monkeypatch, context, witness):
+    go = threading.Event()
+    asked = []
+
+    def compiles(worker, call, **_):
+        asked.append(call)
+        go.wait(2 * PATIENCE)
+
+    monkeypatch.setattr(planner.Worker, 'result', compiles)
+    with planner_here(monkeypatch, context) as node:
+        try:
+            shapes = witness.hear(Path, f'{NAME}/predicted_shape', LATCHED)
+            out = witness.node.create_publisher(PoseStamped, f'{NAME}/gripper_pose', 10)
+            assert shape_comes(witness, shapes, out)
+            assert node.lifecycle_state == 'active' and len(asked) == 1
+        finally:
+            go.set()
 
 
 @pytest.mark.every(2)

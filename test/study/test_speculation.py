@@ -26,10 +26,10 @@ from dlo_planner import (
     parallel,
 )
 from dlo_planner.direct.simulator import motion_by
-from dlo_planner.parallel import speculation
 from dlo_planner.parallel.pool import Pool
-from dlo_planner.parallel.speculation import leads_to, lower
 from dlo_planner.progress import Progress
+from dlo_planner.study import speculation
+from dlo_planner.study.speculation import leads_to, lower
 
 SMALL = {'n_elements': 16, 'n_terms': 3}
 processes = partial(ProcessPoolExecutor, 1, mp_context=get_context('fork'))

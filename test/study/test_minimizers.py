@@ -7,7 +7,9 @@ import pytest
 from scipy.optimize import rosen, rosen_der
 
 from dlo_planner import DirectSimulator, Pose, Rod
-from dlo_planner.minimize.classic import (
+from dlo_planner.direct.search import METHODS
+from dlo_planner.study.minimizers import (
+    SEARCHES,
     Objective,
     Point,
     dfp,
@@ -129,3 +131,7 @@ def test_a_saddle_is_left(stiffness, options):
     assert shape.converged and shape.stability > -1e-7
     assert shape.energy == pytest.approx(wanted.energy, rel=1e-4)
     assert shape.positions[-1, 2] == pytest.approx(wanted.positions[-1, 2], abs=5e-3)
+
+
+def test_every_method_of_the_simulator_is_there():
+    assert ('newton', *SEARCHES) == METHODS

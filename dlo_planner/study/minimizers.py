@@ -281,7 +281,6 @@ def quadratic_surface(value: _Function, q: Floats, edge: float) -> tuple[Floats,
 
 
 SEARCHES: dict[str, Callable[..., Ended]] = {'dfp': dfp, 'downhill_simplex': downhill_simplex}
-METHODS = ('newton', *SEARCHES)
 
 
 def search(system: Problem, q: Floats, method: str, tolerance: float) -> Minimum:

@@ -37,13 +37,13 @@ from dlo_planner.direct.stepper import NO_GUESS, Acceptance, StepBatch, Stepper,
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
-from dlo_planner.minimize.classic import approximate
 from dlo_planner.minimize.newton import newton
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, number
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.parallel.pool import Pool, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.study.minimizers import approximate
 
 _MOST_TASKS = 1024
 _TOLERANCE, _STEPS = 1e-11, 30  # residual and Newton steps of a way that is gone to its end
@@ -118,7 +118,7 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
 
 
 def _work(shape: Shape) -> int:
-    """Return the work that a Shape took, as `minimize.classic.approximate` counts it."""
+    """Return the work that a Shape took, as `study.minimizers.approximate` counts it."""
     return shape.evaluations or shape.iterations
 
 
@@ -205,7 +205,7 @@ class Round(NamedTuple):
     """A true step, and the looks ahead meanwhile."""
 
     place: float
-    work: int               # in the unit of `minimize.classic.approximate`
+    work: int               # in the unit of `study.minimizers.approximate`
     judging: int            # Newton steps beside it
     guess: str              # 'used', 'refused', or 'none'
     ahead: tuple[int, ...]  # works of the looks ahead
