@@ -40,7 +40,7 @@ class Cause(IntEnum):
     INVALID_POINTS = 109, ('`observed_points` has no x, y, z, or too few points, or a stamp of '
                            'another time')
     NOTHING_SEEN = 110, '`identify` before anything of the DLO was seen'
-    TOO_MANY_CALLS = 111, 'so many calls wait before this one that it was not looked at'
+    TOO_MANY_CALLS = 111, 'so many calls wait before this one that it was refused at once'
     INFEASIBLE = 200, 'no plan keeps all demands, for another reason than the next ones'
     UNSTABLE = 201, 'a waypoint has no stable shape'
     WORKSPACE = 202, 'the gripper would leave its workspace, or come into an obstacle'
@@ -55,8 +55,9 @@ class Cause(IntEnum):
                     'than `threading.margin`: the message says what would help')
     PROOF_PENDING = 300, 'the plan is still being checked: ask again'
     NOT_FOLLOWED = 301, 'replayed slowly, the DLO does not follow the plan'
-    NOT_CALM = 302, 'no calm motion along the plan keeps all demands'
-    PROOF_DEADLINE = 303, 'no calm motion was found within `threading.deadline`'
+    NOT_CALM = 302, 'no motion along the plan keeps all demands and leaves the DLO at rest'
+    PROOF_DEADLINE = 303, ('no motion that leaves the DLO at rest was found within '
+                           '`threading.deadline`')
     PROOF_PROCESS = 304, 'the process that proves plans ended, again and again'
     PROOF_FAILED = 305, 'the plan could not be checked'
     NO_PLAN = 400, 'there is no plan, or the last one is void'
@@ -72,8 +73,8 @@ class Cause(IntEnum):
     OBSTACLES_CHANGED = 410, 'obstacles changed: the plan is void'
     PARAMETERS_CHANGED = 411, ('a parameter of the DLO, the tool or the limits changed: the plan '
                                'is void')
-    PAUSED = 412, ('the node stood still for longer than `execute.longest_pause`, or than the '
-                   'robot was told ahead')
+    PAUSED = 412, ('the node stood still for longer than `execute.longest_pause`, or than '
+                   'commands were sent ahead')
     SHUTDOWN = 413, 'the node ends'
     NOTHING_TO_CANCEL = 414, '`cancel`, and nothing was planned, proved or executed'
     MISS_EXPECTED = 415, 'the observed DLO is not inside the cut-out with 95 %: it stops before it'

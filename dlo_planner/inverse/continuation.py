@@ -176,7 +176,7 @@ class Family(ABC):
         """Return why a Step does not lead to the next waypoint of a PlanBuilder, or None."""
         passing = step.passing
         if passing is None and step.leap:
-            return builder.refusal('continuity', step.leap, 'the gripper would have to leap at '
+            return builder.refusal('continuity', step.leap, 'the gripper would have to jump at '
                                    f'depth {step.depth:.4g} m: the shapes {self.what} turn back '
                                    'there')
         if passing is None:

@@ -307,7 +307,7 @@ class RoomSearch:
                                      for one, p in zip(passages, picks, strict=True)])
                 return RoomyWay(depths, _without_roll(grippers, task) if self.round else grippers)
         return NoRoom(float(depths[0]), f'shapes with room in {where} lead through all depths, '
-                      'but the DLO, set down there in its natural shape, falls into another',
+                      'but the DLO, set down there in its natural shape, snaps into another',
                       'start')
 
 

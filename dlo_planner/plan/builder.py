@@ -210,6 +210,6 @@ def refusal_for_leap(simulator: DirectSimulator, builder: PlanBuilder,
         why = ('set down there in its natural shape' if builder.last is None
                else 'brought there from its initial shape')
         return builder.refusal('start', away, 'a stable shape does the task, but the DLO, '
-                               f'{why}, falls into another one')
+                               f'{why}, snaps into another one')
     return builder.refusal('continuity', away, 'the DLO would fall into another shape on the way '
                            'there; closer waypoints may help')

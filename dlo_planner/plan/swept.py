@@ -212,7 +212,7 @@ class _Sweep:
         if shape.converged and not shape.jumped:
             return _look(self._bodies, u, shape, self._bodies.exact(shape), self._path.arms), None
         away = float(np.linalg.norm(shape.positions[-1] - one.shape.positions[-1]))
-        return None, Margin('continuity', -away, 'on the way there the DLO falls into another '
+        return None, Margin('continuity', -away, 'on the way there the DLO snaps into another '
                             'shape: its free end comes {over:.3g} m away')
 
     def _deepest(self, leg: Leg, before: _Look, deep: _Look, after: _Look) -> _Look:

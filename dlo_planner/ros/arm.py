@@ -179,7 +179,7 @@ class ArmOutput:
                  f'{made.duration:.1f} s, off by {made.position_error:.1e} m at most{rolled}; '
                  f'made in {seconds:.1f} s')
         if made.not_looked_at:
-            log.warning('self-collision was not looked at for '
+            log.warning('self-collision was not checked for '
                         f'{", ".join(made.not_looked_at)}: set arm.packages')
         away = np.abs(made.positions[0] - current)
         if away.max() > _AWAY:

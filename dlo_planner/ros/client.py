@@ -71,7 +71,7 @@ class DloCommander(Node):
         self._obstacles = self.create_publisher(MarkerArray, f'{planner}/obstacles', REQUEST)
 
     def wait_until_active(self, timeout: float = 600.0) -> None:
-        """Wait until the node answers; the first start of all may compile for minutes."""
+        """Wait until the node answers; the first start of all compiles for a while."""
         end = monotonic() + timeout
         self.wait_for(self._client(GetState, 'get_state').service_is_ready, 'get_state', timeout)
         while self._call(GetState, 'get_state', GetState.Request()).current_state.id != _ACTIVE:

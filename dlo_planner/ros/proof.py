@@ -63,7 +63,8 @@ def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan:
 def _failed(error: Exception, deadline: float) -> tuple[str, bool, Cause]:
     """Return reason, done and Cause of a Proof that ends by an error."""
     if isinstance(error, DeadlineExceeded):
-        return (f'no calm motion was found in threading.deadline = {deadline:g} s of computing',
+        return ('no motion that leaves the DLO at rest was found in threading.deadline = '
+                f'{deadline:g} s of computing',
                 True, Cause.PROOF_DEADLINE)
     if isinstance(error, ProcessLost):
         return f'tried {ATTEMPTS} times: {error}', True, Cause.PROOF_PROCESS

@@ -126,7 +126,7 @@ def open_loop_warning(state: State, observing: DloEstimator | None) -> str:
             f'in open loop: what is seen of the DLO does not correct it: {error}')
     return '' if observing is not None else (
         'in open loop: no cloud of the DLO was taken in on ~/observed_points shortly before, so '
-        'that it is neither looked at before the cut-out nor corrected')
+        'that it is neither observed before the cut-out nor corrected')
 
 
 class ClosedLoopDrive:
@@ -334,7 +334,7 @@ class TrajectoryStreamer(Part):
             where = 'gripper_commands_ahead and ' if execution.horizon else ''
             where = f'{where}gripper_command' if drive is None else 'joint_commands_ahead'
             outcome.message = f'{duration:.1f} s on {where}' + (
-                '' if self._loop is None else ', or longer: it looks before it goes')
+                '' if self._loop is None else ', or longer: it observes the DLO before it goes')
             outcome.warning = open_loop_warning(state, observing)
             outcome.values = {'duration [s]': duration,
                               'plan stamp': stamp_text(state.running.stamp)}

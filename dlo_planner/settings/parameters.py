@@ -133,8 +133,8 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'threading.tolerance': (0.0, 'By how much the DLO in motion may miss, come nearer to a rim '
                                  'than planned, or still vibrate at the end, m; 0 or nan = a '
                                  'quarter of the room in the hole, 0.001 where it has no size.'),
-    'threading.deadline': (60.0, 'Computing after which the search for a calm motion is given up, '
-                                 's.', 0.1, 3600.0),
+    'threading.deadline': (60.0, 'Computing after which the search for a motion that leaves the '
+                                 'DLO at rest is given up, s.', 0.1, 3600.0),
     'threading.planning_deadline': (60.0, 'Computing after which the search for a plan is given '
                                           'up, s.', 0.01, 3600.0),
     'threading.may_yield': (True, 'Whether a plan may set the DLO for good.'),
@@ -189,11 +189,12 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'observe.robot_time': (0.0, 'Time in which that error changes, s; 0: it depends on the pose '
                                 'alone.', 0.0, 10000.0),
     'observe.slip_position': (0.005, 'Standard deviation of how far the DLO slips in the gripper '
-                                     'along each axis where looks come to disagree, m.', 0.0, 1.0),
+                                     'along each axis where observations become '
+                                     'inconsistent, m.', 0.0, 1.0),
     'observe.slip_rotation': (0.05, 'The same about each axis, rad.', 0.0, 3.2),
     'observe.kink': (0.1, 'By how much it may be bent for good then, about each axis of its '
                           'section, at any one place, rad.', 0.0, 3.2),
-    'observe.period': (0.2, 'Seconds between two clouds that are looked at.', 0.0, 60.0),
+    'observe.period': (0.2, 'Seconds between two clouds that are used.', 0.0, 60.0),
     'observe.pose_holds': (1.0, 'Seconds for which the last gripper_pose holds for clouds that are '
                                 'newer, where the gripper stands (the last two poses are the same, '
                                 'or there is but one).', 0.0, 60.0),
@@ -220,8 +221,8 @@ _TABLE: dict[str, tuple[Any, ...]] = {
                                  'joints (joint_commands_ahead, of the arm of arm.tool_link, which '
                                  'joint_states are the gripper of).'),
     'execute.rate': (50.0, 'Commands per second on gripper_command.', 1.0, 1000.0),
-    'execute.horizon': (1.0, 'Seconds of the coming motion that a robot is told ahead, by '
-                             'gripper_commands_ahead or joint_commands_ahead; 0, or with '
+    'execute.horizon': (1.0, 'Seconds of the coming motion that are sent to the robot in advance, '
+                             'by gripper_commands_ahead or joint_commands_ahead; 0, or with '
                              'execute.through = pose: none, the motion goes on with each '
                              'gripper_command.', 0.0, 10.0),
     'execute.start_distance': (0.02, "How far from a plan's beginning the gripper may be to "

@@ -111,7 +111,7 @@ _STRAYS = 1.2       # times the tolerance: a shift of the gripper brings back le
 _SURELY = 1.3       # times slower than a lag seems to need
 # statuses of a Trajectory
 COMPLETE = 'complete'
-DEADLINE = 'calm, but not all is known of it: the deadline came first'
+DEADLINE = 'it leaves the DLO at rest, but not all is known of it: the deadline came first'
 
 
 @dataclass(eq=False)
@@ -271,7 +271,7 @@ class CalmSearch:
             said = ('limits: however slow it is, the DLO touches what the plan does not, '
                     f'{amount:.3g} m deep')
         elif broken.name in ('miss', 'departure'):
-            said = (f'limits: the DLO is not calm: {self.reached}: expected at most '
+            said = (f'limits: the DLO does not come to rest: {self.reached}: expected at most '
                     f'{self.tolerance:.3g} m')
             if self._damping_ratio > 1:
                 said += (f'; it lags behind: the damping ratio of its slowest vibration is '

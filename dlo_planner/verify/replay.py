@@ -274,7 +274,7 @@ def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
     if broken is not None:
         return broken.message
     if not np.isfinite(figures['tolerance']):
-        return 'its trajectory has no tolerance, nothing was made calm'
+        return 'its trajectory has no tolerance: vibrations were not suppressed'
     return ''
 
 

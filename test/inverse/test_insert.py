@@ -188,7 +188,7 @@ def test_a_turn_that_no_step_makes_smaller_is_refused(monkeypatch):
             turned))) if depth > 0.3 else found
 
     monkeypatch.setattr(Insertion, 'at', folded)
-    with pytest.raises(Infeasible, match='would have to leap at depth 0.2997') as refused:
+    with pytest.raises(Infeasible, match='would have to jump at depth 0.2997') as refused:
         InverseSimulator(DirectSimulator(WIRE)).insert(BORE, depths=DEPTHS)
     assert (refused.value.waypoint, refused.value.constraint) == (3, 'continuity')
 
@@ -204,7 +204,7 @@ def test_a_mass_that_no_share_takes_over_evenly_ends_in_a_refusal(monkeypatch):
 
     monkeypatch.setattr(Insertion, '_shape', leaping)
     weighted = replace(WIRE, point_masses=((0.8 * WIRE.length, 1e-3),))
-    with pytest.raises(Infeasible, match='leap'):
+    with pytest.raises(Infeasible, match='would have to jump'):
         InverseSimulator(DirectSimulator(weighted)).insert(BORE, depths=[0.0, 0.3])
 
 

@@ -142,7 +142,7 @@ def test_an_execution_is_corrected_by_what_is_seen(client, node, robot, tracker,
     plan = state(node).planned.plan
     answer = client.trigger('execute')
     assert answer.success, answer.message
-    assert 'it looks before it goes' in answer.message
+    assert 'it observes the DLO before it goes' in answer.message
     assert client.execution_in('waiting', timeout=PATIENCE)[2]['loop'] in ('look', 'plan')
     _, said, told = client.execution_in('succeeded', 'stopped', timeout=2 * PATIENCE)
     assert told['state'] == 'succeeded', said
@@ -173,7 +173,8 @@ def test_a_contact_is_held_as_what_is_seen_says(client, node, robot, truth, rest
         proof = client.proof(path)
         assert proof['report'] == 'held', proof['report reason']
         answer = client.trigger('execute')
-        assert answer.success and 'it looks before it goes' in answer.message, answer.message
+        assert answer.success, answer.message
+        assert 'it observes the DLO before it goes' in answer.message
         _, said, told = client.execution_in('succeeded', 'stopped', timeout=2 * PATIENCE)
         assert told['state'] == 'succeeded', said
     finally:

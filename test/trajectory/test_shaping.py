@@ -287,7 +287,7 @@ def test_of_several_holes_the_narrowest_one_gives_the_tolerance():
 
 def test_what_cannot_be_calm_is_refused_with_the_figure_that_fails(fine, monkeypatch):
     monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)  # else it takes long
-    with pytest.raises(Infeasible, match='the DLO is not calm: .* in motion') as caught:
+    with pytest.raises(Infeasible, match='the DLO does not come to rest: .* in motion') as caught:
         Trajectory(fine, tolerance=2e-5)
     error = caught.value
     assert error.constraint in ('miss', 'departure', 'clearance')
@@ -606,7 +606,7 @@ def test_a_refusal_is_an_answer_though_the_deadline_comes(fine, monkeypatch):
     monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)
     monkeypatch.setattr('dlo_planner.verify.replay.in_motion', late)
     report = replay(DIRECT, fine, limits=Limits(), tolerance=2e-5)
-    assert not report.safe and 'the DLO is not calm' in report.reason
+    assert not report.safe and 'the DLO does not come to rest' in report.reason
     assert 'swing' in report.not_looked_at
     with pytest.raises(DeadlineExceeded):
         replay(DIRECT, fine, trajectory=Trajectory(fine, tolerance=np.inf))

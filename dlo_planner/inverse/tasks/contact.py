@@ -406,7 +406,8 @@ class AlignedSlide(Family):
         length = self.simulator.rod.length
         leap = length * min(gripper_motion(last, problem.family.hanging(force)[1], length)
                             for _, force in minima)
-        return builder.refusal('continuity', leap, f'the gripper would leap by {leap:.3g} m (a '
+        return builder.refusal('continuity', leap, 'the gripper would have to jump by '
+                               f'{leap:.3g} m (a '
                                'turn counts as the motion of a point at the DLO\'s length from it) '
                                'from the waypoint before, however slowly the DLO is drawn')
 

@@ -71,7 +71,7 @@ class Insertion(Family):
     Their depth, as a Family has it, is a way in m: it goes on while the mouth takes over a mass.
     """
 
-    what = 'free of force at the mouth'
+    what = 'free of force at the bore entrance'
     longest = 1.0  # no shape is needed to find the next one; `too_far` makes steps shorter
 
     def __init__(self, simulator: DirectSimulator, bore: CutOut, end: Floats,
@@ -200,11 +200,11 @@ class Insertion(Family):
             inexact = refusal_for_accuracy(self.simulator, builder, shape)
             return inexact or builder.refusal(
                 'equilibrium', builder.step, 'the equilibrium was not found exactly: residual '
-                f'{shape.residual:.3g}, off the mouth by {shape.violation:.3g} m')
+                f'{shape.residual:.3g}, off the bore entrance by {shape.violation:.3g} m')
         if shape.jumped:
             off = float(np.linalg.norm(shape.positions[-1] - self._bore.center))
             return builder.refusal('continuity', off, 'the DLO would fall out of the shape that is '
-                                   f'free of force at the mouth, its end {off:.3g} m off')
+                                   f'free of force at the bore entrance, its end {off:.3g} m off')
         begins = before is None and not shape.holds
         return refusal_for_leap(self.simulator.with_rod(shape.rod), builder,
                                 shape) if begins and shape.rod is not None else None

@@ -206,7 +206,7 @@ def _unreached(simulator: DirectSimulator, task: Threading,
         if begin is not None:
             return builder.refusal(
                 begin.constraint, begin.amount, 'stable shapes pass both centers, but the DLO, set '
-                'down in its natural shape, falls into none that leads to them', begin.unit)
+                'down in its natural shape, snaps into none that leads to them', begin.unit)
         missing = _both(simulator, task).least_miss(shapes)
     waypoint = min(int(np.searchsorted(task.depths, apart)), len(task.depths) - 1)
     return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
