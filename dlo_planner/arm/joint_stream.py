@@ -120,7 +120,7 @@ def _check_speeds(arm: Arm, speeds: Floats, time: float) -> None:
 
 
 class JointStream:
-    """Makes of poses that a robot is told ahead what its joints are told.
+    """Turns poses that are sent ahead into what the joints are sent.
 
     It is used by one thread, and remembers what was told last.
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Families of shapes that do a task at each depth, and how they are followed without a leap.
+"""Families of shapes that do a task at each depth, followed without a discontinuity.
 
 The goals leave the gripper one free rotation, a roll. At each depth the shapes that keep them are a
 curve on the sphere of all hanging shapes (`inverse.equilibria`); a step goes to the next curve, by
@@ -96,8 +96,8 @@ class Step(NamedTuple):
 
     passing: Passing | None  # at the depth that was wanted. If None, it was not reached
     depth: float  # that was reached, m
-    leap: float = 0.0  # how far the gripper would have to leap there, m; 0: there is no shape
-    sure: bool = False  # neither gripper nor DLO can leap to it: nobody need look closer
+    leap: float = 0.0  # how far the gripper would have to jump there, m; 0: there is no shape
+    sure: bool = False  # neither gripper nor DLO can jump to it: nobody need look closer
 
 
 class Family(ABC):
@@ -106,7 +106,7 @@ class Family(ABC):
     what: ClassVar[str]             # the shapes, in words
     longest: ClassVar[float] = LONGEST_STEP  # steps of the depth, parts of the length
     shortest: ClassVar[float] = 1 / 1024
-    soft: ClassVar[bool] = False     # goals are missed least, in steps that cannot leap
+    soft: ClassVar[bool] = False     # goals are missed least, in steps that cannot jump
 
     simulator: DirectSimulator
     normals: Sequence[Floats] = ()   # (3,) of the cut-outs whose direction counts
@@ -127,7 +127,7 @@ class Family(ABC):
         """Return the Passings at the first of some depths (k,), without roll, that leave no doubt.
 
         As `at` finds them, in less time. There may be none: where the gripper or the DLO might
-        leap, where the DLO is hardly stable, and where another mesh is needed.
+        jump, where the DLO is hardly stable, and where another mesh is needed.
         """
         del before, depths
         return []
@@ -150,7 +150,7 @@ class Family(ABC):
 
     def follow(self, passing: Passing, depth: float, goal: float,
                route: Rolls | None = None) -> Step:
-        """Continue a Passing from one depth to another, in steps that do not leap."""
+        """Continue a Passing from one depth to another, in steps that do not jump."""
         length = self.simulator.rod.length
         step = longest = self.longest * length
         while True:

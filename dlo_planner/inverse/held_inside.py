@@ -36,7 +36,7 @@ class HeldInside:
 
     context: PlanContext  # of the whole DLO
     at: float
-    cutouts: tuple[CutOut, ...]  # that the part in front passes, or the mouth of its bore
+    cutouts: tuple[CutOut, ...]  # that the part in front passes, or the entrance of its bore
 
     @cached_property
     def simulator(self) -> GraspedInside:

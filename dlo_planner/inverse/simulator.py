@@ -204,16 +204,17 @@ class InverseSimulator(Value):
         """Plan the insertion into a bore of about the DLO's diameter (paper, section 5.2).
 
         The walls carry what is inside; what is outside transmits neither force nor moment to the
-        mouth. Where the DLO is naturally bent, the bore still has to keep the part inside straight:
-        `Plan.bore_moment`. Where a point mass or the tip's mass comes to the mouth, the plan stays
-        at that depth for some waypoints, in which the mouth takes over its weight. A uniform DLO's
-        gripper travels along the curve of its first shape (Zheng et al. 1991).
+        entrance. Where the DLO is naturally bent, the bore still has to keep the part inside
+        straight: `Plan.bore_moment`. Where a point mass or the tip's mass comes to the entrance,
+        the plan stays at that depth for some waypoints, in which the entrance takes over its
+        weight. A uniform DLO's gripper travels along the curve of its first shape (Zheng et al.
+        1991).
 
         Parameters
         ----------
         bore : CutOut
-            Its center is that of the mouth, its normal points inwards; its radius, where stated, is
-            that of the bore.
+            Its center is that of the entrance, its normal points inwards; its radius, where stated,
+            is that of the bore.
         depths : array_like, optional
             As for `thread`, less than the length.
         friction : float, optional
@@ -228,13 +229,13 @@ class InverseSimulator(Value):
         -------
         Plan
             It may have more waypoints than `depths`. Its shapes, and their stability, are of the
-            part outside, held at the mouth. `Shape.far_wrench` is what the mouth exerts on that
-            part: zero, except where it takes over a mass.
+            part outside, held at the entrance. `Shape.far_wrench` is what the entrance exerts on
+            that part: zero, except where it takes over a mass.
 
         Raises
         ------
         InvalidTask, Infeasible
-            Infeasible where a waypoint has no stable solution, or the gripper would have to leap to
+            Infeasible where a waypoint has no stable solution, or the gripper would have to jump to
             it.
         """
         return self._shorthand(Insert(bore, depths, friction, hold_at), start, None, linear_speed,
@@ -260,9 +261,9 @@ class InverseSimulator(Value):
             Pose of the gripper now, the DLO behind the sheet.
         standoff : float, optional
             Distance in m between the free end and the cut-out where the last straight motion
-            begins. If None, of 0.05, 0.1 and 0.15 of the length the one with which the calm motion
-            (`Trajectory`) of this plan and `plan` is the quickest, 0.1 if none can be made calm;
-            that takes some seconds.
+            begins. If None, of 0.05, 0.1 and 0.15 of the length the one with which the settled
+            motion (`Trajectory`) of this plan and `plan` is the quickest, 0.1 if none can be made
+            calm; that takes some seconds.
         initial : Shape, optional
             Shape of the DLO now, as for `thread`. If None, the one it falls into from its natural
             shape.
@@ -436,7 +437,7 @@ class InverseSimulator(Value):
             An argument makes no sense; the message names it.
         Infeasible
             As for `hold_contact`; or 'continuity': no admissible shapes lead from one waypoint to
-            the next, the amount is the gripper's leap (rad plus parts of the length), with
+            the next, the amount is the gripper's jump (rad plus parts of the length), with
             'straight' how far the DLO falls, in m. Or 'contact': how far the arc length that
             touches is from the requested one, in m.
         """

@@ -13,7 +13,7 @@ reference, about the mean of both axes.
 
 More goals than the gripper can have are missed least: the same steps are those of Gauss and Newton
 (Nocedal and Wright, Numerical Optimization, ch. 10). The gripper then stays in a ball about where
-it was, so that it cannot leap; if the minimum is farther away, it goes as far as the ball allows.
+it was, so that it cannot jump; if the minimum is farther away, it goes as far as the ball allows.
 Where much is missed, these steps come nearer by the same part each: the next one follows from two
 of them (Anderson 1965, J. ACM 12).
 """
@@ -413,7 +413,7 @@ def follow_goals(system: Problem, bases: Floats, strains: Floats, frames: Floats
                  exact: float, max_iterations: int) -> Any:
     """Find equilibria that have goals at one set of arc lengths after another.
 
-    A shape at which the gripper or the DLO might leap, or that is hardly stable, ends the search:
+    A shape at which the gripper or the DLO might jump, or that is hardly stable, ends the search:
     who called it looks closer. One set of arc lengths, without limits, is the search for one shape.
 
     Shapes: ahead (k,), s (k, g), free (3,), most (3, k), watched (j,).

@@ -4,12 +4,12 @@
 
 The part inside is a beam that bends little, in a round bore with some room: it lies on the walls
 where its weight, its natural bend, or the part outside presses it there. The part outside is
-planned as if it ended free of force at the mouth; it yields to the mouth by its compliance. Where
-the walls press they rub, and what is before is pushed: this compression bends the beam and the part
-outside, which may take it off the walls or press it against them. So the force is sought as a
-gripper finds it, pushing harder and harder until the push exceeds what rubs. There may be no such
-push: the DLO jams. Not counted are the compression and the weight in the compliance of the part
-outside, edges that bite, and torsion.
+planned as if it ended free of force at the entrance; it yields to the entrance by its compliance.
+Where the walls press they rub, and what is before is pushed: this compression bends the beam and
+the part outside, which may take it off the walls or press it against them. So the force is sought
+as a gripper finds it, pushing harder and harder until the push exceeds what rubs. There may be no
+such push: the DLO jams. Not counted are the compression and the weight in the compliance of the
+part outside, edges that bite, and torsion.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from dlo_planner.plan.plan import FOUND, JAMS, NO_BALANCE, NOT_LOOKED_AT
 
 _OUTSIDE = 1e-6     # of the length: nothing is inside yet
 _ELEMENTS = 32
-_GRADED = 1.5       # power of the places of nodes: they are closest at the mouth
+_GRADED = 1.5       # power of the places of nodes: they are closest at the entrance
 _BAND = 7           # nodes have four unknowns, and act on those of their neighbors
 # Walls push back as they did in the search before, and by how much they give way (Hestenes, Powell
 # 1969). In the search they are soft, a part of the beam's largest stiffness: along stiff walls what
@@ -62,7 +62,7 @@ class Push(NamedTuple):
 
 
 class Inside(NamedTuple):
-    """The part of a DLO in a bore, as a beam of N elements from the mouth to its tip."""
+    """The part of a DLO in a bore, as a beam of N elements from the entrance to its tip."""
 
     lengths: Floats  # (N,) m
     stiffness: Floats  # (N, 2, 2) N m^2, of the second derivatives of the deflections (y, z)
@@ -125,13 +125,13 @@ def pushing(inside: Inside, room: Floats, friction: float) -> Push:
 
 
 def _inside(simulator: DirectSimulator, mouth: float, outside: Shape) -> Inside:
-    """Return the part Inside behind the arc length of the mouth, m."""
+    """Return the part Inside behind the arc length of the entrance, m."""
     rod, frame = simulator.rod, outside.frames[-1]
     places = mouth + (rod.length - mouth) * np.linspace(0, 1, _ELEMENTS + 1) ** _GRADED
     lengths = np.diff(places)
     middles = places[:-1] + 0.5 * lengths
     natural = rod.natural_strains(middles)
-    # (y, z) are the axes (n, b) at the mouth; a natural twist turns those of the pieces inside
+    # (y, z) are the axes (n, b) at the entrance; a natural twist turns those of the pieces inside
     angle = np.cumsum(natural[:, 0] * lengths) - 0.5 * natural[:, 0] * lengths
     axes = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     axes = axes.transpose(2, 0, 1)
@@ -225,7 +225,7 @@ def _between(lacks: Callable[[float], float], low: float, low_lack: float, high:
 @kernel
 def rubbed(beam: Beam, friction: float, push: float, state: Floats, compression: Floats,
            press: Floats, wall: Floats) -> float:
-    """Return what a beam under a push (N) at the mouth rubs, less its load along the bore, N.
+    """Return what a beam under a push (N) at the entrance rubs, less its load along the bore, N.
 
     Infinite where the compression inside has no end, nan where no balance is found. `state`
     (4 N + 4,), `compression` (N + 1,), forces of the walls `press` (N + 1, 2) and their stiffness
@@ -237,7 +237,7 @@ def rubbed(beam: Beam, friction: float, push: float, state: Floats, compression:
         compression[0] = push
         if not _pressed(beam, compression, state, press, wall, deep):
             return np.nan
-        # from the tip to the mouth: each node takes what it rubs, and its load along the bore
+        # from the tip to the entrance: each node takes what it rubs, and its load along the bore
         total, change, most = 0.0, 0.0, 0.0
         for node in range(along.size - 1, -1, -1):
             total += friction * wall[0] * deep[node] - along[node]

@@ -3,7 +3,7 @@
 """The demands on a plan as named margins: at a waypoint, between two, and of a motion.
 
 Whoever judges takes them from here: the builder of a plan, the sweep between its waypoints, a
-correction, the search for a calm motion, and the replay.
+correction, the search for a settled motion, and the replay.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a DLO and its gripper go from one planned shape to the next without a leap."""
+"""Whether a DLO and its gripper go from one planned shape to the next without a jump."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def largest_shift(step: _Number) -> _Number:
 
 
 def without_doubt(steps: Floats, length: float) -> tuple[Floats, float]:
-    """Return what a step may be so that neither gripper nor DLO leap, without a second look.
+    """Return what a step may be so that neither gripper nor DLO jump, without a second look.
 
     Shapes: steps (k,).
     """

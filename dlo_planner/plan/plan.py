@@ -413,7 +413,7 @@ class Plan(Filmed):
 
     @property
     def bore_moment(self) -> Floats:
-        """(n, 3) moment in N m, world axes, on the DLO at the mouth of the bore that holds it.
+        """(n, 3) moment in N m, world axes, on the DLO at the entrance of the bore that holds it.
 
         It bends the part inside straight: (0, EI_n k_n, EI_b k_b) in the material frame, k the
         natural curvature there. nan where nothing is held in a bore.

@@ -60,7 +60,7 @@ class ArmDrive:
             raise _refused(failure, begin + failure.time) from None
 
     def told(self, execution: Execution) -> JointPoints | None:
-        """Return what the joints are told of what the robot is told ahead; None: nothing new."""
+        """Return what the joints are sent for the poses that are sent ahead; None: nothing new."""
         assert execution.ahead is not None and execution.stamp is not None  # there is something
         until = execution.published_until - execution.done
         try:

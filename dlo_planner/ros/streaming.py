@@ -188,7 +188,7 @@ class ClosedLoopDrive:
         try:
             loop.tick(stamp, now, state.enabled)
         except Exception as error:
-            if self._failed:  # not even coming to rest works: what was told ahead ends at rest
+            if self._failed:  # not even coming to rest works: what was sent ahead ends at rest
                 loop.end(stamp, cause_of(error), str(error))
             loop.stop(stamp, cause_of(error), str(error))
             self._failed = True

@@ -17,7 +17,7 @@ differ by the square root of the rounding errors. The end is therefore that of t
 simplex. Where there is none, or it is not near, the simplex is set up anew.
 
 Both stop where the gradient vanishes, which may be a saddle. What they reach is judged as what
-Newton's method reaches, and a saddle is left in the same way: kicked along its lowest mode.
+Newton's method reaches, and a saddle is left in the same way: perturbed along its lowest mode.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Ended(NamedTuple):
 
 _EXACT = 0.1      # of the slope may be left; with less care than this, DFP goes astray
 _FALL = 1e-4      # of what the slope promises: so much lower it has to be at least
-_UNTOLD = 100.0   # times the rounding errors: differences of values that tell nothing
+_BELOW_NOISE = 100.0   # times the rounding errors: differences of values below this are noise
 _FARTHER_LEAST, _FARTHER = 1.1, 4.0  # times the way so far, where it still falls
 _LESS = 0.9       # of the slope: what is left where no point is better
 _LEAST, _MOST = 0.1, 0.9  # of the interval: where the next point may be
@@ -77,7 +77,7 @@ def hager_zhang_search(look: Callable[[Floats], tuple[float, Floats]], start: Po
 
     Shapes: direction (n,).
     """
-    untold = _UNTOLD * (noise + _EPS * abs(start.value))
+    below_noise = _BELOW_NOISE * (noise + _EPS * abs(start.value))
     first = float(start.gradient @ direction)
     lower = 0.0, first  # fractions and slopes of points between which it is lowest
     upper: tuple[float, float | None] | None = None
@@ -87,7 +87,7 @@ def hager_zhang_search(look: Callable[[Floats], tuple[float, Floats]], start: Po
         q = start.q + fraction * direction
         point = Point(q, *look(q))
         slope = float(point.gradient @ direction)
-        if not point.value <= start.value + _FALL * fraction * first + untold:
+        if not point.value <= start.value + _FALL * fraction * first + below_noise:
             upper = fraction, None
         elif abs(slope) <= -_EXACT * first:
             return point
@@ -101,7 +101,7 @@ def hager_zhang_search(look: Callable[[Floats], tuple[float, Floats]], start: Po
         fraction = _next(lower, upper, first)
         if upper is not None and upper[0] - lower[0] < 1e-12 * upper[0]:
             break
-    if best is None or flattest > -_LESS * first and not best.value < start.value - untold:
+    if best is None or flattest > -_LESS * first and not best.value < start.value - below_noise:
         return None
     return best
 
@@ -168,7 +168,7 @@ _EDGE = 2e-5      # of the size: long against rounding errors, short against the
 _STEPS = 6e-4, 2e-5, 2e-6  # of the size: the same for the fifth; and where curvatures jump
 _SLIGHT = 1e-2    # of the size: within which a surface tells the axes
 _SHORTEST = 1e-3  # of the scale: edges of a simplex that is set up anew
-_UNTOLD_DIFFERENCE = 3.0  # rounding errors of a difference
+_BELOW_NOISE_DIFFERENCE = 3.0  # rounding errors of a difference
 _FINEST = 1e-7    # of the size: a last step that rounding errors may make
 
 _Function: TypeAlias = Callable[[Floats], float]  # q (n,) -> J
@@ -248,7 +248,7 @@ def _agree(problem: Objective, value: _Function, q: Floats, step: float, closer:
     """Whether slopes from two steps differ by no more than rounding errors make of it."""
     rounding = (problem.noise + _EPS * abs(value(q))) / closer
     return bool(np.linalg.norm(slope(value, q, step) - slope(value, q, closer))
-                <= _UNTOLD_DIFFERENCE * rounding * np.sqrt(q.size))
+                <= _BELOW_NOISE_DIFFERENCE * rounding * np.sqrt(q.size))
 
 
 def slope(value: _Function, q: Floats, edge: float) -> Floats:
@@ -294,11 +294,11 @@ def search(system: Problem, q: Floats, method: str, tolerance: float) -> Minimum
         end = SEARCHES[method](problem, q.ravel().copy(), tolerance)
         iterations, evaluations = iterations + end.iterations, evaluations + end.evaluations
         reached = descend(system, end.q.reshape(q.shape), tolerance, 0, True)
-        kicked = saddle_exit_point(system, reached)
-        if kicked is None or kicks >= MOST_KICKS:
+        perturbed = saddle_exit_point(system, reached)
+        if perturbed is None or kicks >= MOST_KICKS:
             return Minimum(reached.state, reached.residual, reached.stability, iterations, kicks,
                            system, evaluations=evaluations)
-        q, kicks = kicked, kicks + 1
+        q, kicks = perturbed, kicks + 1
 
 
 def approximate(system: Problem, q: Floats, method: str, tolerance: float,

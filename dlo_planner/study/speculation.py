@@ -253,20 +253,20 @@ class Rounds:
     def _true_step(self, place: float, make: Callable[[], Problem], usual: Floats,
                    step: Callable[[Floats | None], tuple[Any, Shape, bool]], guessed: bool,
                    lean: bool) -> tuple[Any, Round]:
-        vain = judging = 0
+        failed = judging = 0
         guess = self._guesses.get(place)
         if guess is not None and guessed:
             system = make()
             start = unknowns(system, usual)
             if lower(system, unknowns(system, guess), start):
                 result, shape, good = step(guess)
-                vain = _work(shape)
+                failed = _work(shape)
                 same, judging, leant = leads_to(system, start,
                                                 unknowns(system, shape.element_strains))
                 if good and same and (lean or not leant):
-                    return result, Round(place, vain, judging, 'used', ())
+                    return result, Round(place, failed, judging, 'used', ())
         result, shape, _ = step(None)
-        return result, Round(place, vain + _work(shape), judging,
+        return result, Round(place, failed + _work(shape), judging,
                              'none' if guess is None else 'refused', ())
 
 

@@ -39,10 +39,10 @@ def described_minimum(system: Problem, basis: Floats, strains: Floats, method: s
         _, gradient = series.value_and_gradient(found.q)
         residual = np.linalg.norm(gradient) / np.hypot(np.linalg.norm(state.q), bend)
         reached = descend(system, state.q.copy(), tolerance, 0, True)
-        kicked = saddle_exit_point(system, reached)
-        if kicked is None or kicks >= MOST_KICKS:
+        perturbed = saddle_exit_point(system, reached)
+        if perturbed is None or kicks >= MOST_KICKS:
             break
-        strains, kicks = system.natural + system.scale * kicked, kicks + 1
+        strains, kicks = system.natural + system.scale * perturbed, kicks + 1
     return Minimum(state, residual, reached.stability, iterations, kicks, system,
                    evaluations=evaluations)
 

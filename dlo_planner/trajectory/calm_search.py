@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The search for a motion in which a plan's DLO stays calm: laws from its modes, then simulated."""
+"""The search for a motion that leaves the DLO at rest: laws from its modes, then simulated."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ DEADLINE = 'it leaves the DLO at rest, but not all is known of it: the deadline 
 
 @dataclass(eq=False)
 class CalmSearch:
-    """Looks for the fastest laws with which a plan's DLO stays calm, round by round."""
+    """Looks for the fastest laws that leave a plan's DLO at rest, round by round."""
 
     plan: Plan
     fastest: TimedPath  # within limits alone
@@ -215,7 +215,7 @@ class CalmSearch:
                 or self._slower > SLOWEST and self._damping_ratio > 1)
 
     def go_on(self, below: float = np.inf) -> Calm | None:
-        """Return what the next laws come to if the DLO stays calm; None if not.
+        """Return what the next laws come to if they leave the DLO at rest; None if not.
 
         Laws that take `below` s or longer are not simulated.
         """
@@ -388,7 +388,7 @@ class Calm:
 
 @one_thread()
 def quickest(searches: Sequence[CalmSearch]) -> Calm:
-    """Return the quickest calm motion that one of several searches finds, for plans of one task.
+    """Return the quickest settled motion that one of several searches finds, for plans of one task.
 
     Where the deadline comes first, the quickest one until then.
     """

@@ -81,7 +81,7 @@ class InMotion(Value):
         Part of the time in which the DLO does not touch what the plan touches; nan if nothing, or
         only a bore.
     smooth_bore_force : float
-        Largest force of the mouth of a bore, N, if the bore was as tight as the DLO and without
+        Largest force of the entrance of a bore, N, if the bore was as tight as the DLO and without
         friction: no bound, true bores push and rub many times as much. nan without a bore.
     error_estimate : float
         By how much `position_error` may be wrong, m: the largest `Shape.error_estimate` of the
@@ -273,7 +273,7 @@ def _simulated(simulator: Simulator, plan: Plan, instants: Instants, first: Shap
     bore = held_after(plan)
     if bore is None:
         return _without_bore(simulator, plan, instants, first, progress, calm, holds)[0]
-    # the bore takes the DLO at the last instant at which it is still before the mouth
+    # the bore takes the DLO at the last instant at which it is still before the entrance
     at = int(np.searchsorted(instants.u, plan.times[bore] + _AT_ONCE * np.ptp(plan.times),
                              'right')) - 1
     whole: DirectSimulator = instance('simulator', simulator, DirectSimulator)
@@ -318,7 +318,7 @@ def _without_bore(simulator: Simulator, plan: Plan, instants: Instants, first: S
     errors = misses(plan, instants.u, motion.shapes)
     force = max((contact.force for shape in motion.shapes for contact in shape.contacts),
                 default=0.0)
-    # in contact velocities leap: no cubic polynomials tell what is between
+    # in contact velocities jump: no cubic polynomials tell what is between
     velocities = None if simulator.obstacles else motion.velocities
     return _Simulated(motion.shapes, calm, errors, swing, force,
                       velocities=velocities, step=instants.dt), motion

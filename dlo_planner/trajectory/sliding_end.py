@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The motion of a DLO that is pushed into a bore: the part outside gets shorter.
 
-The bore is tight and smooth. At the mouth the DLO keeps the mouth's direction and roll and slides
-along it freely. The walls carry the weight of the part inside, as the plan assumes; its inertia
-along the bore counts, as a mass at the mouth. The DLO is simulated up to the material point that is
-at the mouth as a short piece of the motion begins. While this point goes in, it is held as
-if the DLO behind the mouth was free of stress. Then the DLO is cut anew: positions, strains and
-velocities of the rest go on as they are.
+The bore is tight and smooth. At the entrance the DLO keeps the entrance's direction and roll and
+slides along it freely. The walls carry the weight of the part inside, as the plan assumes; its
+inertia along the bore counts, as a mass at the entrance. The DLO is simulated up to the material
+point that is at the entrance as a short piece of the motion begins. While this point goes in, it is
+held as if the DLO behind the entrance was free of stress. Then the DLO is cut anew: positions,
+strains and velocities of the rest go on as they are.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from dlo_planner.progress import Progress
 
 _ELEMENTS, _FEWEST = 64, 24  # of the whole DLO, of what is left of it
 _SAME = 1e-12      # of the length
-_NO_ELEMENT = 0.02  # of an element: a shorter one at the mouth is none
+_NO_ELEMENT = 0.02  # of an element: a shorter one at the entrance is none
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Feed:
     mouth: Pose  # Pose, x axis into the bore
     times: Floats  # (n,) times of the plan, s
     depths: Floats  # (n,) depths in m
-    # (n,) part of the weight at the mouth that the mouth carries, N, against gravity
+    # (n,) part of the weight at the entrance that the entrance carries, N, against gravity
     carried: Floats
 
     @classmethod
@@ -71,14 +71,14 @@ class Feed:
         return float(np.interp(u, self.times, self.depths))
 
     def lifted(self, u: float) -> float:
-        """Return the weight in N at the mouth that the mouth carries at the plan's time u."""
+        """Return the weight in N at the entrance that the entrance carries at the plan's time u."""
         at_depth = np.abs(self.depths - self.depth(u)) <= _SAME * self.simulator.rod.length
-        if not at_depth.any():  # what was at the mouth is inside, and counts there
+        if not at_depth.any():  # what was at the entrance is inside, and counts there
             return 0.0
         return float(np.interp(u, self.times[at_depth], self.carried[at_depth]))
 
     def outside(self, depth: float, lifted: float) -> Discretization:
-        """Return the Discretization of the DLO that ends at the mouth, without obstacles."""
+        """Return the Discretization of the DLO that ends at the entrance, without obstacles."""
         around, rod = self.simulator.surroundings, self.simulator.rod
         end = rod.length - depth
         end = next((s for s, _ in rod.point_masses if abs(s - end) <= _SAME * rod.length), end)
@@ -95,9 +95,9 @@ class Feed:
         return Discretization(around, with_breaks(s, around.breaks), 'local', 0)
 
     def held(self, mesh: Discretization, behind: float) -> Pose:
-        """Return the Pose of the material point at the end of `mesh`, `behind` m behind the mouth.
+        """Return the Pose of the point at the end of `mesh`, `behind` m behind the entrance.
 
-        As if the part in between was free of stress, so that it transmits nothing to the mouth.
+        As if the part in between was free of stress, so that it transmits nothing to the entrance.
         """
         end = mesh.s[-1:]
         turn = self.simulator.rod.natural_strains(end)[0] * behind
@@ -122,7 +122,7 @@ def _mass_beyond(rod: Rod, end: float) -> float:
 
 
 _PIECE = 0.01
-_TAKEN_OVER = 0.1  # of a weight, by which the mouth takes it over before
+_TAKEN_OVER = 0.1  # of a weight, by which the entrance takes it over before
 _LONGEST = 50      # instants of a piece
 _TOLERANCE = 1e-3  # of the length: of the simulation, as `simulate` has it
 
@@ -133,7 +133,7 @@ class Outside:
 
     shapes: list[Shape]  # the n shapes in motion
     calm: list[Shape]  # the n shapes, the equilibria in the same gripper
-    forces: Floats  # (n,) sizes of the forces that the mouth exerts, N
+    forces: Floats  # (n,) sizes of the forces that the entrance exerts, N
     converged: bool  # whether every step was solved
 
 
@@ -211,7 +211,7 @@ def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Sh
            velocity: Floats | None) -> tuple[Stepper, TimePoint]:
     """Return the Stepper of a piece, and the TimePoint at its beginning.
 
-    A DLO that is off the mouth as it comes in is guided there during this piece.
+    A DLO that is off the entrance as it comes in is guided there during this piece.
     """
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, start.s, one) for one in velocity.T])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A plan as the motion that is executed: timed so that the DLO arrives calm, and verified."""
+"""A plan as the motion that is executed: timed so that the DLO arrives at rest, and verified."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Trajectory(TimedPath, Reported):
     least_duration : float
         Duration in s that the limits alone would allow.
     slowest_period : float
-        Period in s of the slowest vibration of the DLO on the way, whose multiples a calm motion
+        Period in s of the slowest vibration of the DLO on the way, whose multiples a settled motion
         takes; nan where nothing is simulated.
     status : str
         'complete', 'not simulated' with an infinite tolerance, or, of a motion that is calm, that
@@ -108,7 +108,7 @@ class Trajectory(TimedPath, Reported):
         'max_bend_curvature', 'departure' or 'motion'; the amount is what is missing, or how deep
         the DLO touches something at any speed: `Infeasible.unit` says which.
     DeadlineExceeded
-        The deadline is over before a calm motion was found; the message says what was reached.
+        The deadline is over before a settled motion was found; the message says what was reached.
     """
 
     _PARTS: tuple[str, ...] = ('path', 'laws', 'limits', 'tolerance', 'motion', 'mode_margin',
@@ -178,7 +178,7 @@ def restored(path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits
 
 def quickest_plan(plans: Sequence[Plan], limits: Limits, tolerance: float | None,
                   simulator: Simulator, progress: Progress) -> int:
-    """Return the index of the Plan, of several for one task, whose calm motion is the quickest.
+    """Return the index of the Plan, of several for one task, whose settled motion is the quickest.
 
     The deadline of `progress` ends the search: the best until then counts.
     """

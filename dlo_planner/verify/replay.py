@@ -73,7 +73,7 @@ def replay(simulator: DirectSimulator | GraspedInside, plan: Plan, *,
     simulator : DirectSimulator or GraspedInside
         The planner's own or a better one, of the whole DLO, wherever the plan holds it.
     plan : Plan
-        The shapes of an insertion are parts of the DLO; each is held at the mouth as planned.
+        The shapes of an insertion are parts of the DLO; each is held at the entrance as planned.
     obstacles : iterable of obstacle, optional
         Obstacles whose clearance is computed, besides that of sized cut-outs.
     limits : Limits, optional

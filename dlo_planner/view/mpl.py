@@ -291,7 +291,7 @@ _HIDDEN = 0.02   # the same: a hole without a size, seen from the side
 _DOT = 0.035     # the same: a center that the DLO passes in any direction
 _ALPHA, _GLASS = 0.45, 0.25
 _BLACK = (0.0, 0.0, 0.0)
-_AT_MOUTH = 1e-6  # of the length: what is held so near to the mouth of a bore is held there
+_AT_MOUTH = 1e-6  # of the length: what is held so near to the entrance of a bore is held there
 
 
 @dataclass(frozen=True)
@@ -420,7 +420,7 @@ def _across(cutout: CutOut, level: int) -> Floats:
 
 
 def _bore(plan: Plan, mouth: CutOut) -> float:
-    """Return how deep in m the DLO is pushed into a bore with this mouth; 0 where there is none."""
+    """Return how deep in m the DLO is pushed into a bore with this entrance; 0 without one."""
     held = [shape.far_end for shape in plan.shapes if shape.far_end is not None]
     near = [np.abs(end.pose.position - mouth.center).max() < _AT_MOUTH * plan.shapes[0].s[-1]
             for end in held]

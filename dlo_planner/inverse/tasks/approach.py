@@ -71,8 +71,8 @@ def first_approach(approach: Callable[..., Plan], length: float, *arguments: Any
                    **options: Any) -> Plan:
     """Return the first Plan of `InverseSimulator.approach` at any of its standoffs.
 
-    Quicker than to compare their calm motions. One standoff does not tell whether there is a way:
-    each leads to another place outside of the hole.
+    Quicker than to compare their settled motions. One standoff does not tell whether there is a
+    way: each leads to another place outside of the hole.
     """
     return first_feasible(partial(approach, *arguments, standoff=part * length, **options)
                           for part in _STANDOFFS)
@@ -221,8 +221,8 @@ class Approach(Task):
         Shape in which the threading begins: the first one of its Plan.
     standoff : float or None
         Distance in m between the free end and the cut-out where the last straight motion begins.
-        If None, of 0.05, 0.1 and 0.15 of the length the one whose calm motion (`Trajectory`) is the
-        quickest, within the requirements' limits; 0.1 if none can be made calm.
+        If None, of 0.05, 0.1 and 0.15 of the length the one whose settled motion (`Trajectory`) is
+        the quickest, within the requirements' limits; 0.1 if none can be made calm.
     through : Plan or None
         The threading that follows, a part of that motion. If None, the motion ends before it.
     tolerance : float or None
@@ -320,7 +320,7 @@ class Approach(Task):
             raise
 
     def _quickest(self, ways: Sequence[Plan], context: PlanContext) -> int:
-        """Return the index of the plan whose calm motion is the quickest, 0 if none is calm."""
+        """Return the index of the plan whose settled motion is the quickest, 0 if none is calm."""
         plans = [one if self.through is None else concatenate(one, self.through) for one in ways]
         try:
             return quickest_plan(plans, context.requirements.limits, self.tolerance,

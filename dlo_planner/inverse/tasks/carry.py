@@ -58,7 +58,7 @@ class Carry(Task):
 
     The gripper goes from `start` to `to`; the far end, or other places of the DLO, are moved by
     arms of their own (`Plan.arms`) as far as it is said where they go, all by one parameter. The
-    DLO does not leap, touch anything, pass through itself or bend more than
+    DLO does not jump, touch anything, pass through itself or bend more than
     `Rod.max_bend_curvature`, and no grip exerts more than is allowed, at and between waypoints. The
     workspace is the gripper's; where other arms may be, and the hands themselves, are not looked
     at.

@@ -393,7 +393,7 @@ class AlignedSlide(Family):
 
     def refusal(self, builder: PlanBuilder, before: Passing | None,
                 step: Step) -> Infeasible | None:
-        """Return why a Step does not lead on: no force is admissible, or the gripper would leap."""
+        """Return why a Step does not lead on: no force is admissible, or the gripper would jump."""
         if step.passing is not None:
             return None
         problem = self.problem.moved(self.simulator.rod.length - builder.depth)

@@ -3,14 +3,14 @@
 """Insertion into a bore of about the DLO's own diameter (Zheng et al. 1991; paper, section 5.2).
 
 The walls of the bore carry the part inside. The part outside hangs as though the DLO was cut off at
-the mouth, with its end in the bore's direction: it transmits neither force nor moment to the mouth.
-So the bore bears only the weight of the part inside and, if the DLO is naturally bent, the moment
-that keeps it straight (`Plan.bore_moment`). The roll of the DLO in the bore stays constant, so that
-nothing rubs. With a uniform DLO the gripper then travels along the curve of the first shape; in
-general each depth is the beginning of a threading with a shorter DLO.
+the entrance, with its end in the bore's direction: it transmits neither force nor moment to the
+entrance. So the bore bears only the weight of the part inside and, if the DLO is naturally bent,
+the moment that keeps it straight (`Plan.bore_moment`). The roll of the DLO in the bore stays
+constant, so that nothing rubs. With a uniform DLO the gripper then travels along the curve of the
+first shape; in general each depth is the beginning of a threading with a shorter DLO.
 
-When a mass comes to the mouth, the bore would carry it at once, and the gripper would have to leap.
-There the plan stays at one depth while the mouth takes over the weight, part by part.
+When a mass comes to the entrance, the bore would carry it at once, and the gripper would have to
+jump. There the plan stays at one depth while the entrance takes over the weight, part by part.
 """
 
 from dataclasses import dataclass, replace
@@ -53,22 +53,22 @@ from dlo_planner.progress import uninterrupted
 
 _PACE = 0.1       # rad plus part of the length: a longer step of a take-over is made in parts
 _NOTHING = 0.01   # the same: a step that is no step
-_LEAST_PART = 1 / 512  # of the masses: what leaps in so small a part of a take-over leaps in any
+_LEAST_PART = 1 / 512  # of the masses: what jumps in so small a part of a take-over jumps in any
 _PAUSE = 0.005    # of the length: the way that a part of a take-over counts as
 _AT_END = 1e-12   # of the length
 
 
 class _Stop(NamedTuple):
-    """A depth, m, and the part of the masses at the mouth that the mouth carries there."""
+    """A depth, m, and the part of the masses at the entrance that the entrance carries there."""
 
     depth: float
     carried: float
 
 
 class Insertion(Family):
-    """The shapes outside a bore, free of force at the mouth where they have the frame `end` (3, 3).
+    """The shapes outside a bore, free of force at its entrance, where their frame is `end` (3, 3).
 
-    Their depth, as a Family has it, is a way in m: it goes on while the mouth takes over a mass.
+    Their depth, as a Family has it, is a way in m: it goes on while the entrance takes over a mass.
     """
 
     what = 'free of force at the bore entrance'
@@ -92,7 +92,7 @@ class Insertion(Family):
 
     def at(self, before: Passing, depth: float, roll: float = 0.0,
            final: bool = False) -> Passing | None:
-        """Return the Passing at a way, m; a waypoint is confirmed, with its end at the mouth."""
+        """Return the Passing at a way, m; a waypoint is confirmed, with its end at the entrance."""
         del roll
         return before if depth == before.depth and final else self._passing(
             depth, final, before)
@@ -123,7 +123,7 @@ class Insertion(Family):
     def _held(self, stop: _Stop, outside: DirectSimulator, shape: Shape) -> Shape:
         """Return a Shape with its end held by the bore.
 
-        That makes it more stable; without a mass at the mouth the bore exerts no force. It also
+        That makes it more stable; without a mass at the entrance the bore exerts no force. It also
         bears the weight of a mass along its axis.
         """
         depth, carried = stop
@@ -162,13 +162,13 @@ class Insertion(Family):
             begin.gripper, end.gripper, self.simulator.rod.length)
         if apart < _NOTHING and (one.carried, other.carried) == (0.0, 1.0):
             return []
-        if apart < _PACE or other.carried - one.carried < _LEAST_PART:  # a leap: it is refused
+        if apart < _PACE or other.carried - one.carried < _LEAST_PART:  # a jump: it is refused
             return [other]
         middle = _Stop(one.depth, 0.5 * (one.carried + other.carried))
         return self._parts(one, middle) + self._parts(middle, other)
 
     def _rod(self, stop: _Stop) -> Rod:
-        """Return the Rod outside at a stop, without the masses that the mouth carries."""
+        """Return the Rod outside at a stop, without the masses that the entrance carries."""
         depth, carried = stop
         whole = self.simulator.rod
         end = whole.length - depth
@@ -220,7 +220,8 @@ class Insert(Task):
     Attributes
     ----------
     bore : CutOut
-        Its center is that of the mouth, its normal points inwards; its radius is that of the bore.
+        Its center is that of the entrance, its normal points inwards; its radius is that of the
+        bore.
     depths : ndarray, shape (n,) or None
         Arc lengths that are inside, m. If None, chosen by the solver.
     friction : float or None

@@ -39,11 +39,11 @@ _SAME = 1e-9     # of the length, and rad: a start that is nearer to the approac
 class InsertPlug(Task):
     """Insert a plug into a socket, straight along its axis; the hand holds the plug.
 
-    The gripper goes straight from `start` to where the plug's front is `approach` before the mouth,
-    stops there, and then along the axis. If there is no `start`, the plan begins at the approach.
-    `Plan.plug_wrenches` tells what the hand has to give at the plug's front at each waypoint, of
-    cable and weight: what a controller of forces feeds forward, or subtracts of what it feels.
-    The socket's own forces are not in it.
+    The gripper goes straight from `start` to where the plug's front is `approach` before the
+    entrance, stops there, and then along the axis. If there is no `start`, the plan begins at the
+    approach. `Plan.plug_wrenches` tells what the hand has to give at the plug's front at each
+    waypoint, of cable and weight: what a controller of forces feeds forward, or subtracts of what
+    it feels. The socket's own forces are not in it.
 
     The plug counts as a body beside the simulator's obstacles and those that the workspace keeps
     out, at waypoints and all along the way; obstacles that stand for the socket have to leave it a
@@ -53,15 +53,15 @@ class InsertPlug(Task):
     Attributes
     ----------
     socket : Pose
-        Origin in the middle of the mouth, x axis the direction of insertion. The plug's frame is
+        Origin in the middle of the entrance, x axis the direction of insertion. The plug's frame is
         turned about it as the socket's.
     plug : Plug
         What the hand holds.
     depths : ndarray, shape (n,), or None
-        How far the front goes beyond the mouth, m, one waypoint each, not decreasing; less than the
-        plug is long, whose rest the hand holds. If None, 6 to half of that length.
+        How far the front goes beyond the entrance, m, one waypoint each, not decreasing; less than
+        the plug is long, whose rest the hand holds. If None, 6 to half of that length.
     approach : float
-        How far before the mouth the front is led onto the axis, m.
+        How far before the entrance the front is led onto the axis, m.
     far_end : FarEnd or None
         What holds the cable's far end. If None, that is told by `holds`, or by `initial`.
     holds : tuple of Hold
@@ -109,7 +109,7 @@ class InsertPlug(Task):
         super().__post_init__()
 
     def gripper_at(self, depth: float) -> Pose:
-        """Return the Pose of the gripper at which the front is `depth` m beyond the mouth."""
+        """Return the Pose of the gripper at which the front is `depth` m beyond the entrance."""
         front = self.socket.position + number('depth', depth) * self.socket.rotation[:, 0]
         return Pose(front, self.socket.quaternion).compose(self.plug.grasp)
 
@@ -145,7 +145,7 @@ class InsertPlug(Task):
         return context.initial.holds
 
     def _stages(self, plan: Plan) -> tuple[tuple[str, int], ...]:
-        """Return the stages: the way there, and in the socket from the mouth on."""
+        """Return the stages: the way there, and in the socket from the entrance on."""
         beyond = [(self.plug.front(pose).position - self.socket.position)
                   @ self.socket.rotation[:, 0] for pose in plan.grippers]
         outside = [k for k, depth in enumerate(beyond) if depth < -_SAME]

@@ -3,7 +3,7 @@
 """From pose to pose: the DLO goes along, free or held elsewhere too, by what rests or moves.
 
 Nothing is sought: between two poses the gripper and all other arms go straight, turning evenly, and
-the plan is refused where the DLO would leap, touch something, bend too sharply or pull too hard.
+the plan is refused where the DLO would jump, touch something, bend too sharply or pull too hard.
 """
 
 from collections.abc import Collection, Iterable, Sequence

@@ -191,7 +191,7 @@ def _other_ways(simulator: DirectSimulator, task: Threading, candidates: Iterato
         guess = shape_with_end(simulator.mesh, route.end)
         begin = Candidate(guess, guess.gripper.rotation, float(route.depths[0]))
         yield begin, route
-        if route.complete:  # smoothed rolls may miss a narrow route, or leap on a rough one
+        if route.complete:  # smoothed rolls may miss a narrow route, or jump on a rough one
             yield from ((begin, replace(route, ahead=ahead)) for ahead in _AHEAD)
     # the grid may be too coarse: where the DLO hardly stands, the stable shapes can be a strip
     # narrower than its mesh

@@ -47,7 +47,7 @@ _COMPARED, _ROLLS = 8, 4  # depths and rolls at which start_candidates are compa
 _HIT = 1e-4           # of the length: misses that need no comparison
 _BETTER = 0.99        # of the squared misses: another roll has to bring them below
 _SETTLING, _SETTLED = 50, 1e-6  # steps; rad plus part of the length
-_PART = 0.7           # of the largest turn and shift, so that both together are no leap
+_PART = 0.7           # of the largest turn and shift, so that both together are no jump
 _REWEIGHTED = 5       # weights that are tried; their changes are about halved by each
 _COUNTS = 0.05        # part of a room lost, at least: a cut-out that is hit keeps a weight
 _EDGE = 0.95          # of the reach: what came so far was kept back by it
@@ -96,7 +96,7 @@ class NearestToCenters(Family):
         return Passing(shape, tuple(further), depth)
 
     def _reach(self, step: float) -> Floats:
-        """Return the turn (rad) and the shift (m) that are no leap for a step of the depth, m."""
+        """Return the turn (rad) and the shift (m) that are no jump for a step of the depth, m."""
         length = self.simulator.rod.length
         return np.array([largest_turn(step / length), length * largest_shift(step / length)])
 
