@@ -191,7 +191,8 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: S
         strains = initial.element_strains
     else:
         strains = read_only(mesh.strains_from(initial.s, initial.element_strains))
-    watch = _watched(mesh, initial, how.most) if culled else None
+    watch = _watched(mesh, initial, how.most) if culled else None if initial is None else (
+        UNWATCHED._replace(rotation=initial.gripper.rotation))
     if culled and not holds:
         return equilibrium(mesh, gripper, strains, past, culled=True, watch=watch)
     if how.strains == 'paper':
@@ -301,14 +302,14 @@ def _watched(mesh: Discretization, before: Shape | None, most: float) -> Watch:
         return UNWATCHED
     if mesh.has_nodes(before.s):
         if most == np.inf:
-            return Watch(before.positions)
+            return Watch(before.positions, rotation=before.gripper.rotation)
         return Watch(before.positions, before.frames, before.gripper.rotation, mesh.sampled, most)
     if mesh.hangs:
         return UNWATCHED
     strains, pose = mesh.strains_from(before.s, before.element_strains), before.gripper
     places = configuration_at(mesh.system(pose.rotation, culled=True), strains).positions
     freeze(places := places + pose.position)
-    return UNWATCHED._replace(places=places)
+    return UNWATCHED._replace(places=places, rotation=pose.rotation)
 
 
 def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:
@@ -626,7 +627,8 @@ class Watch(NamedTuple):
 
     places: Floats = NOWHERE   # (N + 1, 3) of the nodes before, m; (0, 3): stress-free
     frames: Floats = np.zeros((0, 3, 3))  # (N + 1, 3, 3) of the nodes before, read-only,
-    rotation: Floats = np.eye(3)  # in a gripper with this rotation, read-only:
+    rotation: Floats = np.zeros((3, 3))  # in a gripper with this rotation, read-only, zeros if
+    # not known:
     nodes: Ints = np.zeros(0, dtype=np.int64)  # of these none
     most: float = np.inf       # turns by more in the gripper, rad
 
@@ -676,7 +678,7 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
     if holds or not culled:
         system = mesh.system(gripper.rotation, gripper.position, memory, holds, culled=culled,
                              springs=not how.near)
-    full = None if watch is None or mesh.hangs else mesh.full
+    full = None if watch is None or mesh.hangs or not culled else mesh.full
     places, frames, rotation, nodes, most = watch or UNWATCHED
     tangents = NOWHERE
     if memory is not None and not culled:

@@ -57,7 +57,7 @@ from dlo_planner.minimize.newton import (
     newton_descent,
     thorough,
 )
-from dlo_planner.minimize.quasi_static import settle, with_bearing
+from dlo_planner.minimize.quasi_static import carried, settle, with_bearing
 from dlo_planner.minimize.relaxation import deepest, relax
 from dlo_planner.minimize.semismooth import (
     bears,
@@ -86,7 +86,8 @@ _SLIDES, _EXCHANGES, _CHOICES = 4, 8, 3
 _STIFF = 100.0
 # Of the flow: at rest with such a residual, at first and well; steps at most; how often it leaves
 # a saddle. What is as near (`_CLOSE`) is brought to rest exactly, with so many Newton steps.
-_RESTS, _RESTS_WELL, _MOST_FLOW, _MOST_FALLS, _CLOSE, _POLISH = 1e-6, 1e-9, 250, 3, 1e-4, 6
+_RESTS, _RESTS_WELL, _MOST_FLOW, _MOST_FINER, _MOST_FALLS = 1e-6, 1e-9, 250, 30, 3
+_LEAVES, _CLOSE, _POLISH = 2.0, 1e-4, 6
 # Points that bear of a DLO that lies on something; attempts that are made before, where fewer do
 _MANY, _TRIES = 4, 2
 _KEPT, _KEPT_WELL = 9e-7, 2e-8  # of the length: violation there, and where no more is tried
@@ -102,7 +103,8 @@ def constrained_newton(system: Problem, q: Floats, tolerance: float, max_iterati
     Shapes: q (m, 3), previous (N + 1, 6).
     """
     if obstructed(system.contact):
-        end = solve_contact(system, q, COARSER * tolerance, exact, max_iterations, check, previous)
+        end = solve_contact(system, q, COARSER * tolerance, exact, max_iterations, check, previous,
+                            np.zeros((3, 3)))
         return Minimum(*uninterrupted(end))
     return newton(system, q, tolerance, max_iterations, check,
                   exact if holds(system.hold) or hinged(system) else 0.0)
@@ -149,7 +151,7 @@ def _keep_forces(system: Problem, state: Configuration, more: float) -> None:
 
 
 @kernel
-def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
+def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, turned_from):
     """Descend from q (m, 3) among obstacles, arguments as of `constrained_newton`.
 
     Return the Configuration, residual, stability, Newton steps, how often a saddle was left, the
@@ -214,7 +216,8 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
         if flows:
             reaction = reaction_of(hold, row_count(system.needs.border))
             rests, state, residual, stability, moves, falls, loaded, violation = _settled(
-                there, begin, past, tolerance, exact, max_iterations - steps, check, beside)
+                there, begin, past, turned_from, tolerance, exact, max_iterations - steps, check,
+                beside)
             steps, tried = steps + moves, True
             if rests:
                 return state, residual, stability, steps, kicks + falls, loaded, violation
@@ -254,6 +257,15 @@ def _bearing(contacts):
 
 
 @kernel
+def _bears_inside(contacts):
+    """Whether a point inside an element bears."""
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0 and contacts.multiplier[c] > 0.0:
+            return True
+    return False
+
+
+@kernel
 def _polished(system, q, tolerance, exact, allowed):
     """Return whether a DLO that is nearly at rest near q (m, 3) rests among contacts, and where.
 
@@ -288,7 +300,7 @@ def _polished(system, q, tolerance, exact, allowed):
 
 
 @kernel
-def _settled(system, q, previous, tolerance, exact, max_iterations, check, kicked):
+def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations, check, kicked):
     """Return whether a DLO comes to rest by its flow, and what `solve_contact` does.
 
     It begins at q (m, 3); `kicked` (m, 3) is work space. From where the flow rests the search for
@@ -296,53 +308,62 @@ def _settled(system, q, previous, tolerance, exact, max_iterations, check, kicke
     the end of the flow itself is looked at as any other shape: residual, violation, cones, points
     that are deeper in an obstacle, stability.
     """
-    given, there, flow = system.effects.contact.contacts, system, np.zeros(1)
+    given, there, flow = system.effects.contact.contacts, system, np.zeros(2)
     steps = kicks = goes_on = 0
-    saddle, stability, state, firm = True, np.nan, new_configuration(system), system
-    residual = violation = np.inf
-    while saddle:
+    stability, residual, violation, state = np.nan, np.inf, np.inf, new_configuration(system)
+    local = system.basis.shape[1] == 0  # waves of a series would touch between its nodes
+    follows, its, there = carried(system, q, previous, turned_from)
+    q = its if follows else q
+    while True:
         there, q, moves, left, falls = settle(there, q, previous, _RESTS,
                                               min(_MOST_FLOW, max_iterations), flow)
-        steps, saddle = steps + moves, False
+        steps += moves
         if not left < _CLOSE:
             break
+        rests, stands = False, True
+        firm, state, residual, violation = _at_end(there, q, given)
         if falls and check:
-            firm = with_bearing(there, q, given, moves >= 0)
-            state, residual, _, violation = kkt_residual(firm, q)
             stability, mode = _judged(firm, state, tolerance, exact)
-            saddle = stability <= -HELD_NEUTRAL
-        if not saddle:
-            loaded = with_bearing(there, q, given, moves < 0)
-            rolls, state, residual, stability, moves, loaded, violation = _at_once(
-                loaded, q, moves < 0, tolerance, exact, check, previous)
-            steps += moves
-            if rolls:  # (points that bear inside elements are where they are nearest, exactly)
-                return True, state, residual, stability, steps, kicks, loaded, violation
-            if system.basis.shape[1] > 0:  # waves of a series would touch between its nodes
-                break
-            rests, state, residual, violation, firm, there, q, left, moves = _rests_well(
-                there, q, given, previous, left, tolerance, exact, max_iterations, flow)
-            steps += moves
+            stands = stability > -HELD_NEUTRAL
+        if stands:
+            if local:
+                rests, state, residual, violation, firm, there, q, left, moves = _rests_well(
+                    there, q, given, previous, left, tolerance, exact, max_iterations, flow)
+                steps += moves
             if not rests:
-                if left < _CLOSE or goes_on == _MOST_FALLS:
-                    break
-                goes_on, saddle = goes_on + 1, True
-                continue
-            if not check:
-                return True, state, residual, np.inf, steps, kicks, firm, violation
-            rolls, its, its_residual, stands, moves, loaded, inside = _at_once(
-                firm, state.q, rests, tolerance, exact, check, previous)
-            steps += moves
-            if rolls:
-                return True, its, its_residual, stands, steps, kicks, loaded, inside
-            stability, mode = _judged(firm, state, tolerance, exact)
-            if stability > -HELD_NEUTRAL:
-                return True, state, residual, stability, steps, kicks, firm, violation
-        saddle = kicks < _MOST_FALLS and leave_saddle(firm, state, mode, kicked)
-        if saddle:
-            kicks += 1
-            q, flow[0] = kicked.copy(), 0.0
+                firm, state, residual, violation = _at_end(there, q, given)
+            if check:
+                stability, mode = _judged(firm, state, tolerance, exact)
+                stands = stability > -HELD_NEUTRAL
+        if stands:
+            if not rests or _bears_inside(firm.effects.contact.contacts):
+                # points that bear inside elements are where they are nearest, exactly
+                near = firm if rests else with_bearing(there, q, given, rests)
+                rolls, its, its_residual, its_stability, moves, loaded, inside = _at_once(
+                    near, state.q, rests, tolerance, exact, check, previous)
+                steps += moves
+                if rolls:
+                    return True, its, its_residual, its_stability, steps, kicks, loaded, inside
+            if rests:
+                return (True, state, residual, stability if check else np.inf, steps, kicks, firm,
+                        violation)
+            if not local or left < _CLOSE or goes_on == _MOST_FALLS:
+                break
+            goes_on += 1
+            continue
+        if kicks == _MOST_FALLS or not leave_saddle(firm, state, mode, kicked):
+            break
+        kicks += 1
+        q, flow[0], flow[1] = kicked.copy(), 0.0, _LEAVES * abs(stability)
     return False, state, residual, stability, steps, kicks, system, violation
+
+
+@kernel
+def _at_end(there, q, given):
+    """Return the Problem with what bears where a flow has ended, q (m, 3), and how that rests."""
+    firm = with_bearing(there, q, given, q.size > 0)
+    state, residual, _, violation = kkt_residual(firm, q)
+    return firm, state, residual, violation
 
 
 @kernel
@@ -358,7 +379,7 @@ def _rests_well(there, q, given, previous, left, tolerance, exact, max_iteration
     if not (rests and violation < _KEPT_WELL * length):
         flow[0], reaction = 0.0, reaction_of(hold, row_count(there.needs.border))
         there, q, moves, left, _ = settle(there, q, previous, _RESTS_WELL,
-                                          min(_MOST_FLOW, max_iterations), flow)
+                                          min(_MOST_FINER, max_iterations), flow)
         finer = with_bearing(there, q, given, length > 0.0)
         well, its, its_residual, inside, more = _polished(finer, q, tolerance, exact,
                                                           _KEPT * length)
@@ -417,6 +438,8 @@ def _free(system, q, tolerance, exact, max_iterations, check):
 @kernel
 def predictor_corrector(system, base, slid, strains, shift, tolerance, exact, previous):
     """Return whether a DLO that bears goes on bearing, and what `solve_contact` does."""
+    if _bearing(system.effects.contact.contacts) >= _MANY:
+        return False, new_configuration(system), np.inf, np.nan, 0, 0, system, np.inf
     twist = np.empty(6)
     put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), twist)
     twist[3:] = shift

@@ -36,7 +36,7 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hessian import assemble, factorize, solve, solve_held
 from dlo_planner.model.arrays import Floats, Ints
 
-_MOST, _FEW = 60, 15  # Newton steps: of the interior point method, and of exact laws
+_MOST, _FEW = 60, 25  # Newton steps: of the interior point method, and of exact laws
 # The barrier parameter to begin with, and where it ends, of the energy that the loads stand for;
 # near rest it goes on. With it a law of motion is kept but for such a part of the length.
 _FIRST, _LAST, _KEPT = 1e-4, 1e-8, 1e-5
@@ -57,6 +57,7 @@ _INNER, _COUPLED = 20, 1e-16  # directions of the coupling at most; what is left
 # The same of the interior point method; Newton steps from which on it is regarded there, and what
 # part of such a step is made at least, else the next one goes without
 _ROUGHLY, _FROM, _JAMS = 1e-4, 6, 0.2
+_UNEVEN, _SECANTS = 0.1, 20  # of the imbalance along a step: what may be left; trials of its part
 _SETTLED = 1e-6       # of the loads: changes of forces that are none
 _BEARS = 1e-4         # of the loads that an element has: a smaller force is none
 _STICKS = 0.999       # of its limit: friction that does not slide
@@ -144,6 +145,22 @@ def put_motions(system, hessian, rows, step, moved):
             j, k = (i + 1) % 3, (i + 2) % 3
             moved[a, 0] += rows.frame[a, 0, i] * (turn[j] * rows.arm[a, k]
                                                   - turn[k] * rows.arm[a, j])
+
+
+@kernel
+def add_twist(rows, twist, along, across):
+    """Add to along (A,) and across (A, 2) how the points move with a twist (6,) of the gripper."""
+    shift = np.empty(3)
+    for a in range(along.size):
+        x, arm = rows.axis[a], rows.arm[a]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            shift[i] = twist[3 + i] + twist[j] * x[k] - twist[k] * x[j]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            along[a] += rows.frame[a, 0, i] * (shift[i] + twist[j] * arm[k] - twist[k] * arm[j])
+            across[a, 0] += rows.frame[a, 1, i] * shift[i]
+            across[a, 1] += rows.frame[a, 2, i] * shift[i]
 
 
 @kernel
@@ -484,6 +501,21 @@ def _to_boundary(x, d):
     return most
 
 
+@kernel
+def _standing(system, hessian, shift, floor, most):
+    """Return 0 and about the least shift with which the DLO stands, factorized; 1 if none does."""
+    bad = 1
+    while bad > 0 and shift < most:
+        shift = max(_STIFFER * shift, floor)
+        bad = factorize(system, hessian, shift)
+    if bad == 0:
+        if factorize(system, hessian, 0.5 * shift) == 0:
+            shift *= 0.5
+        else:
+            factorize(system, hessian, shift)
+    return bad, shift
+
+
 @kernel(error_model='numpy')
 def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force, answer, reaction):
     """Fill forces (A, 3) and the Answer of a step after which all laws hold.
@@ -564,16 +596,10 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
         lost = 0 if bad == 0 else lost + 1
         more = 0.0 if bad == 0 or count == 0 else 0.25 * more
         if bad > 0 and (count == 0 or mean <= last or near or lost > _LOST):
-            while bad > 0 and shift < most:
-                shift = max(_STIFFER * shift, floor)
-                bad = factorize(system, hessian, shift)
+            bad, shift = _standing(system, hessian, shift, floor, most)
             if bad > 0:
                 falls = True
                 break
-            if factorize(system, hessian, 0.5 * shift) == 0:
-                shift *= 0.5
-            else:
-                factorize(system, hessian, shift)
             more, lost = 0.0, 0
         unstable = bad > 0
         while bad > 0 and more < _MOST_SHIFT:
@@ -682,7 +708,7 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
 
 
 @kernel(error_model='numpy')
-def exact_step(system, state, hessian, laws, shift, force, answer, reaction):
+def exact_step(system, state, hessian, laws, shift, floor, most, force, answer, reaction):
     """Do what `interior_step` does, beginning with what bears, sticks and slides by now.
 
     A semismooth Newton method: it ends where all contacts do in the end what they were taken to do.
@@ -694,6 +720,7 @@ def exact_step(system, state, hessian, laws, shift, force, answer, reaction):
                         np.zeros((count, 2)))
     p, least = np.empty(count), _BEARS * laws.whole / system.lengths.size
     moved, found = np.zeros((count, 3)), 0
+    balance, there, way = laws.first.copy(), np.zeros((count, 3)), np.zeros((count, 3))
     for a in range(count):
         p[a] = laws.first[a, 0]
         bears[a] = p[a] > least
@@ -704,7 +731,7 @@ def exact_step(system, state, hessian, laws, shift, force, answer, reaction):
         for r in range(2):
             along = -laws.first[a, 1 + r] / size if size > 0.0 else 0.0
             z[a, r] = (size + firm * away) * along
-    for _ in range(_FEW):
+    for trial in range(_FEW):
         for a in range(count):
             for i in range(3):
                 springs.force[a, i] = springs.pulls[a, i] = springs.sense[a, i] = 0.0
@@ -721,6 +748,10 @@ def exact_step(system, state, hessian, laws, shift, force, answer, reaction):
                 continue
             size = np.sqrt(z[a, 0] ** 2 + z[a, 1] ** 2)
             limit = laws.friction[a] * max(p[a], 0.0)
+            # (of its friction as it is by now, which does not turn as abruptly as the way that it
+            # slides: Chan, Golub and Mulet, SIAM J. Sci. Comput. 20, 1999)
+            pull = np.sqrt(balance[a, 1] ** 2 + balance[a, 2] ** 2)
+            kept = limit / pull if pull > limit else 1.0
             for r in range(2):
                 if not slides[a]:
                     springs.spring[a, 1 + r, 1 + r] = firm
@@ -729,21 +760,33 @@ def exact_step(system, state, hessian, laws, shift, force, answer, reaction):
                 springs.pulls[a, 1 + r] = -laws.friction[a] * z[a, r] / size
                 springs.force[a, 1 + r] = -limit * z[a, r] / size
                 for q in range(2):
-                    springs.spring[a, 1 + r, 1 + q] = firm * limit / size * (
-                        (r == q) - z[a, r] * z[a, q] / size**2)
+                    springs.spring[a, 1 + r, 1 + q] = firm / size * (
+                        limit * (r == q) + 0.5 * kept / size * (
+                            balance[a, 1 + r] * z[a, q] + balance[a, 1 + q] * z[a, r]))
                     springs.force[a, 1 + r] += (springs.spring[a, 1 + r, 1 + q]
                                                 * moved[a, 1 + q])
         _put_springs(state.attached, rows, laws.given_nodes, laws.given_points, springs.spring)
         assemble(system, state, hessian)
-        if factorize(system, hessian, shift) > 0:
+        bad = factorize(system, hessian, shift)
+        if bad > 0 and trial == 0:
+            bad, shift = _standing(system, hessian, shift, floor, most)
+        if bad > 0:
             found = -1
             break
         _solve_linear(system, state, hessian, laws, springs, 0.0, none, answer, reaction,
                       _COUPLED if laws.rubs else 1.0)
-        same, change = True, 0.0
         for a in range(count):
             for i in range(3):
-                moved[a, i] = answer.moved[a, i]
+                there[a, i] = springs.force[a, i] + springs.pulls[a, i] * answer.other[a]
+                for j in range(3):
+                    there[a, i] -= springs.spring[a, i, j] * answer.moved[a, j]
+                way[a, i] = answer.moved[a, i] - moved[a, i]
+        part = _part_of(laws, moved, way, balance, there) if trial > 0 else 1.0
+        same, change = part == 1.0, 0.0
+        for a in range(count):
+            for i in range(3):
+                moved[a, i] += part * way[a, i]
+                balance[a, i] += part * (there[a, i] - balance[a, i])
             push = laws.first[a, 0] - firm * (laws.gap[a] + moved[a, 0])
             change = max(change, abs(max(push, 0.0) - p[a]))
             p[a] = max(push, 0.0)
@@ -751,14 +794,14 @@ def exact_step(system, state, hessian, laws, shift, force, answer, reaction):
             bears[a] = push > 0.0
             if not laws.friction[a] > 0.0:
                 continue
-            square = 0.0
+            square = turned = 0.0
             for r in range(2):
                 now = firm * (laws.slid[a, r] + moved[a, 1 + r]) - laws.first[a, 1 + r]
-                if bears[a] and slides[a]:
-                    change = max(change, laws.friction[a] * p[a] * abs(now - z[a, r]) / (
-                        abs(now) + abs(z[a, r])))
+                turned += (now - z[a, r]) ** 2
                 z[a, r] = now
                 square += now * now
+            if bears[a] and slides[a] and turned > 0.0:
+                change = max(change, laws.friction[a] * p[a] * np.sqrt(turned / (square + turned)))
             beyond = bears[a] and square > (laws.friction[a] * p[a]) ** 2
             same = same and (not bears[a] or beyond == slides[a])
             slides[a] = beyond
@@ -772,7 +815,54 @@ def exact_step(system, state, hessian, laws, shift, force, answer, reaction):
         force[a, 0] = p[a]
         for r in range(2):
             force[a, 1 + r] = -z[a, r] * (limit / size if size > limit else 1.0)
-    return found
+    return found, shift
+
+
+@kernel
+def _part_of(laws, moved, way, balance, there):
+    """Return the part of a step on which the laws are kept best, along it.
+
+    With friction whose limits are given this is where a convex potential is least. Shapes (A, 3):
+    motions before the step and in it; forces in balance with the DLO, before and after.
+    """
+    before = _imbalance(laws, moved, way, balance, there, 0.0)
+    after = _imbalance(laws, moved, way, balance, there, 1.0)
+    if not before < 0.0 < after or after < _UNEVEN * abs(before):
+        return 1.0
+    low, high, at_low, at_high = 0.0, 1.0, before, after
+    part = 1.0
+    for _ in range(_SECANTS):
+        part = low + (high - low) * min(max(at_low / (at_low - at_high), 0.1), 0.9)
+        value = _imbalance(laws, moved, way, balance, there, part)
+        if abs(value) < _UNEVEN * abs(before):
+            break
+        if value < 0.0:
+            low, at_low = part, value
+        else:
+            high, at_high = part, value
+    return part
+
+
+@kernel
+def _imbalance(laws, moved, way, balance, there, part):
+    """Return the derivative along a step, J, of the energy of the DLO and its contacts there."""
+    total, firm, z, x = 0.0, 1.0 / laws.give, np.empty(2), np.empty(3)
+    for a in range(laws.gap.size):
+        for i in range(3):
+            x[i] = moved[a, i] + part * way[a, i]
+            total += (balance[a, i] + part * (there[a, i] - balance[a, i])) * way[a, i]
+        push = max(laws.first[a, 0] - firm * (laws.gap[a] + x[0]), 0.0)
+        total -= push * way[a, 0]
+        limit, square = laws.friction[a] * push, 0.0
+        if not limit > 0.0:
+            continue
+        for r in range(2):
+            z[r] = firm * (laws.slid[a, r] + x[1 + r]) - laws.first[a, 1 + r]
+            square += z[r] * z[r]
+        kept = 1.0 if square <= limit * limit else limit / np.sqrt(square)
+        for r in range(2):
+            total += kept * z[r] * way[a, 1 + r]
+    return total
 
 
 @kernel

@@ -18,6 +18,7 @@ nearer than these. A point stays where it is on the DLO during a step, and is ch
 
 import numpy as np
 
+from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import (
     clear_between,
     gap_at,
@@ -30,11 +31,18 @@ from dlo_planner.energy.gap import (
 )
 from dlo_planner.energy.grip import move_multipliers
 from dlo_planner.energy.inertia import inertial_stiffness
-from dlo_planner.energy.problem import bending_energy, is_to_end, new_configuration
-from dlo_planner.energy.scene import MESH, is_convex
+from dlo_planner.energy.potential import project
+from dlo_planner.energy.problem import (
+    bending_energy,
+    is_to_end,
+    new_configuration,
+    with_gripper,
+)
+from dlo_planner.energy.scene import MESH, is_convex, translated
 from dlo_planner.energy.terms import forbids
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import put_sum, replaced
+from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.active_set import contact_candidates, gap_slope, rolled_to
 from dlo_planner.minimize.contact_table import (
@@ -44,8 +52,9 @@ from dlo_planner.minimize.contact_table import (
     with_contacts_of,
     with_springs,
 )
-from dlo_planner.minimize.hessian import largest_turn, new_hessian
+from dlo_planner.minimize.hessian import assemble, largest_turn, new_hessian
 from dlo_planner.minimize.interior_point import (
+    add_twist,
     exact_step,
     interior_step,
     new_answer,
@@ -73,7 +82,10 @@ _SLIGHTLY = 1e-2  # times the first one: one that hardly counts
 _LARGER, _SMALLER = 4.0, 0.1  # most and least that it is multiplied by
 _AIM, _BAD = 0.3, 1.0  # wrong part of the gradient after a step: as it should be; too large
 _EASY, _QUIET = 0.02, 1e-3  # rad, residual: after such a step contacts hardly change
+# rad, steps: so far a DLO has left a saddle, in so many steps at most
+_AWAY, _LEAVING = 0.1, 40
 _DEEPER = 0.3     # of a step: how much deeper than foreseen it may bring a contact
+_DEEPEST = 2e-3   # of the length: the same, however far it goes
 _SLIGHT = 1e-5    # of the length: a depth that is always allowed
 _DEPTH = 10.0     # times the residual, of the length: how deep a contact may be at the end
 _SOFT = 1e-10     # of the loads per length: springs that hardly push
@@ -94,8 +106,9 @@ def settle(system, q, previous, rough, most, flow):
     """Return Problem with its contact forces, unknowns, steps, residual, where the flow rests.
 
     At rest the residual is below `rough`, and no contact is deeper than `_DEPTH` times that, of the
-    length; the flow also ends after `most` steps. `flow` (1,) is the shift, here and where it ends.
-    The last value returned is whether the DLO does not stand there with a smaller one.
+    length; the flow also ends after `most` steps. `flow` (2,) is the shift, here and where it ends,
+    and its least while the DLO leaves a saddle: with a smaller one the flow would lead back. The
+    last value returned is whether the DLO does not stand there with a smaller one.
     """
     length, hold = np.sum(system.lengths), system.effects.hold
     rigidity = bending_energy(system) / length
@@ -108,11 +121,16 @@ def settle(system, q, previous, rough, most, flow):
     place(system, state)
     loaded = with_candidates(system, state, previous, near, whole, 1.0)
     state, residual, table, _ = kkt_residual(loaded, state.q)
-    shift, steps, stands, easy, falls = flow[0], 0, False, False, False
+    shift, steps, stands, easy, falls, made = flow[0], 0, False, True, False, False
     floor, largest, worked = _FLOOR * least, _MOST_SHIFT * least, np.zeros(1)
+    away = _AWAY if flow[1] == 0.0 else 0.0
     while steps < most and shift < largest:
-        known = stands or falls or shift < _SLIGHTLY * least
-        if known and residual < rough and deepest(table) < (
+        if away < _AWAY and steps < _LEAVING:
+            shift = max(shift, flow[1])
+        known = (stands or falls or shift < _SLIGHTLY * least) and not (
+            away < _AWAY and steps < _LEAVING)
+        # (what has gone along with its gripper is in balance, but may rub the wrong way)
+        if known and made and residual < rough and deepest(table) < (
                 max(_DEPTH * rough, 2.0 * _FINE) * length):
             break
         steps += 1
@@ -123,9 +141,8 @@ def settle(system, q, previous, rough, most, flow):
         _, shear = forces(table, state)
         laws = step_laws(loaded, state, table, shear, 1.0 / (1.0 + shift), reaction.size)
         answer, force = new_answer(q.shape[0], table.gap.size), np.zeros((table.gap.size, 3))
-        found = 0
-        if easy:
-            found = exact_step(loaded, state, hessian, laws, shift, force, answer, reaction)
+        found, shift = exact_step(loaded, state, hessian, laws, shift, floor, largest, force,
+                                  answer, reaction)
         if found < 1:
             found, shift = interior_step(loaded, state, hessian, laws, shift, floor, largest, easy,
                                          force, answer, reaction)
@@ -165,17 +182,88 @@ def settle(system, q, previous, rough, most, flow):
                 state, residual, table, _ = kkt_residual(loaded, state.q)
                 continue
             if unseen > 0.0:
-                error = max(error, unseen / (_DEEPER * moved))
+                error = max(error, unseen / min(_DEEPER * moved, _DEEPEST * length))
             if not error < _BAD:
                 error = np.inf  # it may be no number
                 move_multipliers(hold, -part, reaction)
-        if error < _BAD:
+        made = error < _BAD
+        if made:
             stands, easy = shift == 0.0 and part == 1.0, turn < _EASY and later < _QUIET
+            away += part * turn
             loaded, state, residual, table = after, there, later, its_table
         falls = found < 1 or shift > tried
         shift = next_shift(shift, error, tried, floor)
-    flow[0] = shift if shift < largest else 0.0
+    flow[0], flow[1] = shift if shift < largest else 0.0, 0.0
     return loaded, state.q, steps, residual, falls
+
+
+@kernel
+def carried(system, q, previous, base):
+    """Return whether a DLO that bears follows its gripper to first order, its unknowns (m, 3) then.
+
+    And the Problem, with the forces there. Geometry is linear about where it was, before its
+    gripper moved from `base` (3, 3) and from its first place in `previous` (N + 1, 6). Where the
+    gripper has moved alone, the DLO may be in obstacles, and nearest to the wrong side of them.
+    """
+    length, whole = np.sum(system.lengths), loads_on(system)
+    shift, turn, twist = np.empty(3), np.empty(3), np.empty(6)
+    there, after = previous.copy(), new_configuration(system)
+    for i in range(3):
+        shift[i] = -previous[0, i]
+    for k in range(previous.shape[0]):
+        for i in range(3):
+            there[k, i] += shift[i]
+    now = system.effects.contact
+    before = with_gripper(
+        with_contacts(system, replaced(now.contacts, 'anchor', now.contacts.anchor + shift),
+                      translated(now.scene, -shift)), base, system.origin - shift)
+    state, hessian, reaction = new_configuration(before), new_hessian(before), no_reaction(system)
+    state.q[:] = q
+    place(before, state)
+    for k in range(previous.shape[0]):  # else it has another past
+        for i in range(3):
+            if not abs(state.positions[k, i] - there[k, i]) < _SLIGHT * length:
+                return False, q, system
+    put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), turn)
+    twist[:3], twist[3:] = turn, shift
+    loaded = with_candidates(before, state, there, _NEAR * length, whole, 0.0)
+    state, _, table, _ = kkt_residual(loaded, state.q)
+    _, shear = forces(table, state)
+    laws = step_laws(loaded, state, table, shear, 1.0, reaction.size)
+    assemble(loaded, state, hessian)
+    loads, load = np.zeros((system.lengths.size, 3)), np.empty_like(q)
+    for e in range(loads.shape[0]):
+        for i in range(3):
+            for c in range(hessian.cross.shape[2]):
+                loads[e, i] += hessian.cross[e, i, c] * twist[c]
+    project(system.basis, loads, load)
+    add_to(state.gradient, 1.0, load)
+    add_twist(laws.rows, twist, laws.gap, laws.slid)
+    answer, force = new_answer(q.shape[0], table.gap.size), np.zeros((table.gap.size, 3))
+    found, _ = exact_step(loaded, state, hessian, laws, 0.0, _SLIGHTLY, _SLIGHTLY, force, answer,
+                          reaction)
+    if found < 1:
+        found, _ = interior_step(loaded, state, hessian, laws, 0.0, _SLIGHTLY, _SLIGHTLY, found < 1,
+                                 force, answer, reaction)
+    if found < 1 or not largest_turn(loaded, hessian, answer.step) < _TURN:
+        return False, q, system
+    for k in range(state.positions.shape[0]):
+        for i in range(3):
+            state.positions[k, i] -= shift[i]
+    for part in (1.0, 0.0):  # what turns far bends into a wall, more so if it does not follow
+        put_sum(q, part, answer.step, after.q)
+        place(system, after)
+        met = sweeps_through(now.scene, system.lengths, state.strains, state.rotations,
+                             state.positions, after.rotations, after.positions)
+        if not met:
+            break
+    if part == 0.0 and not met:
+        return False, q, system
+    put_sum(q, 1.0, answer.step, after.q)
+    normal, shear = world_forces(laws, force)
+    contacts = with_forces(loaded, table, normal, shear, whole).effects.contact.contacts
+    return True, after.q, with_contacts(
+        system, replaced(contacts, 'anchor', contacts.anchor - shift), now.scene)
 
 
 @kernel
@@ -225,7 +313,7 @@ def with_candidates(system, state, previous, near, whole, residual):
     anchor, normals, shear = np.zeros((2 * most, 3)), np.zeros((2 * most, 3)), np.zeros(
         (2 * most, 3))
     node = np.zeros_like(old.node)
-    at, places = rolled_to(system, state)
+    (at, places), held = rolled_to(system, state), old.multiplier.copy()
     faces, bears = False, _BEARS * whole / n
     gap2, where = np.empty(2), np.empty(2)
     x, normal, hessian, offset = np.empty(3), np.empty((n + 1, 3)), np.empty((3, 3)), np.zeros(
@@ -274,11 +362,19 @@ def with_candidates(system, state, previous, near, whole, residual):
             for c in range(found):
                 if not (gap2[c] < close - _BULGES * lengths[e] or gap2[c] < min(0.0, close) - fine):
                     continue
-                f, known = min(max(where[c], _BESIDE), 1.0 - _BESIDE), False
+                f, known, nearest = min(max(where[c], _BESIDE), 1.0 - _BESIDE), -1, _APART
                 for b in range(old.element.size):
-                    known |= (old.obstacle[b] == o and at[b] == e and old.multiplier[b] > bears
-                              and abs(places[b] - e - f) < _APART)
-                if known:
+                    if (old.obstacle[b] == o and at[b] == e and held[b] > bears
+                            and abs(places[b] - e - f) < nearest):
+                        known, nearest = b, abs(places[b] - e - f)
+                if known >= 0 and gap2[c] < -fine:  # it rolls there, and joins what is there
+                    for b in range(old.element.size):
+                        if (b != known and old.obstacle[b] == o and at[b] == e and held[b] > bears
+                                and abs(places[b] - e - f) < _APART):
+                            held[known] += held[b]
+                            held[b] = 0.0
+                    places[known] = e + f
+                if known >= 0:
                     continue
                 element[count], obstacle[count], fraction[count] = e, o, f
                 multiplier[count] = tiny + k * gap2[c]
@@ -289,11 +385,11 @@ def with_candidates(system, state, previous, near, whole, residual):
                     count += 1
     for b in range(old.element.size):  # what bears goes on
         o = old.obstacle[b]
-        if o < 0 or is_face(scene, o) or not old.multiplier[b] > bears:
+        if o < 0 or is_face(scene, o) or not held[b] > bears:
             continue
         f = min(max(places[b] - at[b], _BESIDE), 1.0 - _BESIDE)
         element[count], obstacle[count], fraction[count] = at[b], o, f
-        multiplier[count] = old.multiplier[b]
+        multiplier[count] = held[b]
         count += 1
         if scene.friction[o] > 0.0:
             element[count], obstacle[count], fraction[count] = at[b], -1 - o, f
@@ -311,24 +407,28 @@ def with_candidates(system, state, previous, near, whole, residual):
                 element[count], obstacle[count] = e, o
                 multiplier[count] = tiny + (max(0.0, old.multiplier[best]) if best >= 0 else 0.0)
                 count += 1
+    for b in range(old.element.size):  # friction goes on where it is by now
+        if old.obstacle[b] >= 0:
+            continue
+        best, nearest = -1, _SAME if old.fraction[b] == 1.0 else _APART
+        for c in range(count):
+            if obstacle[c] == old.obstacle[b] and (old.fraction[b] == 1.0) == (fraction[c] == 1.0):
+                away = abs(old.element[b] + old.fraction[b] - element[c] - fraction[c])
+                if away < nearest:
+                    best, nearest = c, away
+        if best >= 0:
+            for i in range(3):
+                shear[best, i] += old.shear[b, i]
     for c in range(count):
         if obstacle[c] >= 0:
             continue
         place_before(system, state, previous, element[c], fraction[c], anchor[c])
-        best, nearest = -1, _SAME
-        for b in range(old.element.size):
-            if old.obstacle[b] == obstacle[c] and (old.fraction[b] == 1.0) == (fraction[c] == 1.0):
-                away = abs(old.element[b] + old.fraction[b] - element[c] - fraction[c])
-                if away < nearest:
-                    best, nearest = b, away
-        size = 0.0
-        if best >= 0:
-            along = 0.0
-            for i in range(3):
-                along += old.shear[best, i] * normals[c, i]
-            for i in range(3):
-                shear[c, i] = old.shear[best, i] - along * normals[c, i]
-                size += shear[c, i] ** 2
+        size = along = 0.0
+        for i in range(3):
+            along += shear[c, i] * normals[c, i]
+        for i in range(3):
+            shear[c, i] -= along * normals[c, i]
+            size += shear[c, i] ** 2
         multiplier[c] = 2.0 * np.sqrt(size) + tiny
     contacts = with_contacts_of(
         with_springs(old, k, node, old.multiplier), element[:count], obstacle[:count],

@@ -148,7 +148,7 @@ def solve_step(system: Problem, watched: Any, base: Floats, origin: Floats, stra
         strains: (N, 3) where the search begins, 1/m
         places, tangents: (N + 1, 3) of the nodes before, m, world; (0, 3) if not known
         frames, turned_from: (N + 1, 3, 3), (3, 3) of nodes and gripper before, from which no node
-            of `nodes` (k,) is to turn by more than `most`, rad, in the gripper
+            of `nodes` (k,) is to turn by more than `most`, rad, in the gripper; zeros if not known
         tolerance, exact, steps: largest residual and violation of constraints at the end, m, and
             Newton steps until then at most
         check: whether the smallest eigenvalue is found, and a saddle left
@@ -163,7 +163,7 @@ def solve_step(system: Problem, watched: Any, base: Floats, origin: Floats, stra
         options = within(thorough(tolerance, exact, steps, check, steps < 0), frames, turned_from,
                          base, nodes, most)
     state, residual, stability, iterations, kicks, loaded, violation = _minimum(
-        turned.effects.contact, turned, options, work, places, tangents)
+        turned.effects.contact, turned, options, work, places, tangents, turned_from)
     end = outcome(loaded, state, turned.origin, residual, 0.0, True)
     acts = residual < np.inf and _acts(watched, turned, end[0], end[2], places)
     return end + (residual, stability, iterations, kicks, violation, acts)
@@ -219,7 +219,7 @@ def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, 
 
 
 @kernel
-def _minimum(contact, system, options, work, places, tangents):
+def _minimum(contact, system, options, work, places, tangents, turned_from):
     """Return what `solve_contact` does, of a DLO with obstacles or without."""
     if contact is None:
         return _unobstructed(system, options, work)
@@ -231,7 +231,7 @@ def _minimum(contact, system, options, work, places, tangents):
         end = _unobstructed(with_bodies(system, bodies), options, work)
         return end[:5] + (among_all(system, end[5], bodies), end[6])
     return _minimum_among(bodies, system, work.start, options.gtol, options.ctol, options.maxiter,
-                          options.check, before)
+                          options.check, before, turned_from)
 
 
 @kernel
@@ -247,15 +247,15 @@ def obstructed_minimum(system, q, tolerance, exact, steps, check, places, tangen
     """Return what `solve_contact` does of a DLO whose nodes were at `places`, world, before."""
     before = _seen_from(system.origin, places, tangents)
     return _minimum_among(bodies_in_reach(system, before), system, q, tolerance, exact, steps,
-                          check, before)
+                          check, before, np.zeros((3, 3)))
 
 
 @kernel
-def _minimum_among(bodies, system, q, tolerance, exact, steps, check, before):
+def _minimum_among(bodies, system, q, tolerance, exact, steps, check, before, turned_from):
     """Return what `solve_contact` does, of a DLO that may meet some bodies (m,) alone."""
     some = 0 < bodies.size < system.effects.contact.scene.kind.size
     end = solve_contact(with_bodies(system, bodies) if some else system, q, COARSER * tolerance,
-                        exact, steps, check, before)
+                        exact, steps, check, before, turned_from)
     return end[:5] + (among_all(system, end[5], bodies) if some else end[5], end[6])
 
 
