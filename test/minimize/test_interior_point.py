@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Box, DirectSimulator, Plane, Pose, Rod
+from dlo_planner import Box, Capsule, DirectSimulator, Plane, Pose, Rod
 from dlo_planner.direct.continuation import shape_change
 from dlo_planner.minimize.contact_solver import _judged, _lowest, _stiffened
-from dlo_planner.minimize.contact_table import kkt_residual
+from dlo_planner.minimize.contact_table import kkt_residual, with_contacts, with_contacts_of
 from dlo_planner.minimize.hessian import assemble, new_hessian
 from dlo_planner.minimize.interior_point import (
     _scaling,
@@ -22,8 +22,10 @@ from dlo_planner.minimize.interior_point import (
     step_laws,
 )
 from dlo_planner.minimize.quasi_static import (
+    carried,
     loads_on,
     next_shift,
+    settle,
     with_bearing,
     with_candidates,
 )
@@ -145,7 +147,7 @@ def test_after_a_step_the_laws_hold(friction, shift=100.0):
     assert interior_step(system, state, hessian, laws, shift, 0.01, 1e6, True, found, answer,
                          np.zeros(0)) == (1, shift)
     assemble(system, state, hessian)
-    moved, loads = np.zeros_like(found), np.zeros_like(answer.step)
+    moved = np.zeros_like(found)
     put_motions(system, hessian, laws.rows, answer.step, moved)
     gap, slip = table.gap + moved[:, 0], laws.slid + moved[:, 1:]
     whole = loads_on(system)
@@ -160,12 +162,38 @@ def test_after_a_step_the_laws_hold(friction, shift=100.0):
         np.testing.assert_allclose(along, -np.linalg.norm(slip[slides], axis=1) * size[slides],
                                    rtol=1e-3)
         np.testing.assert_allclose(size[slides], friction * found[slides, 0], rtol=1e-3)
-    # an exact step from there leaves the forces that they are
+    # an exact step leaves the forces that they are
     again = np.zeros_like(found)
-    add_loads(system, hessian, laws.rows, found - laws.first, loads)
-    assert np.isfinite(loads).all()
-    if exact_step(system, state, hessian, laws, shift, again, answer, np.zeros(0)) == 1:
-        np.testing.assert_allclose(again[:, 0].sum(), found[:, 0].sum(), rtol=1e-2)
+    assert exact_step(system, state, hessian, laws, shift, 0.01, 1e6, again, answer,
+                      np.zeros(0)) == (1, shift)
+    np.testing.assert_allclose(again[:, 0].sum(), found[:, 0].sum(), rtol=1e-2)
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.3, 0.8])
+def test_an_exact_step_is_found_from_any_forces(friction):
+    """Of what bears and slides nothing is known. Laws are kept by their definitions."""
+    came = []
+    for seed in range(30):
+        system, state, table = near_a_table(friction, seed)
+        _, shear = forces(table, state)
+        hessian, answer = new_hessian(system), new_answer(state.q.shape[0], table.gap.size)
+        found, moved = np.zeros((table.gap.size, 3)), np.zeros((table.gap.size, 3))
+        laws = step_laws(system, state, table, shear, 1.0, 0)
+        came.append(exact_step(system, state, hessian, laws, 100.0, 0.01, 1e6, found, answer,
+                               np.zeros(0))[0])
+        if came[-1] < 1:
+            continue
+        put_motions(system, hessian, laws.rows, answer.step, moved)
+        gives, whole = laws.give * (found - laws.first), loads_on(system)
+        gap = laws.gap + moved[:, 0] + gives[:, 0]
+        assert gap.min() > -1e-9 and np.abs(gap * found[:, 0]).max() < 1e-9 * whole
+        slip, size = laws.slid + moved[:, 1:] + gives[:, 1:], np.linalg.norm(found[:, 1:], axis=1)
+        assert (size <= friction * found[:, 0] * (1 + 1e-9) + 1e-12).all()
+        way = np.linalg.norm(slip, axis=1)
+        slides = (found[:, 0] > 1e-6 * whole) & (way > 1e-9)
+        np.testing.assert_allclose(np.sum(slip * found[:, 1:], axis=1)[slides],
+                                   -(way * friction * found[:, 0])[slides], rtol=1e-3)
+    assert came.count(1) >= 27, came
 
 
 def test_a_shift_approaches_that_with_which_a_dlo_falls():
@@ -257,3 +285,102 @@ def test_a_fall_of_what_lies_on_a_table_is_one_flow():
     assert fallen.converged and fallen.state.kicks > 0 and fallen.iterations < 300
     assert shape_change(lying, fallen) > 0.5
     assert fallen.positions[:, 2].min() > CABLE.radius - 1e-6
+
+
+def moved_from(shape, gripper):
+    """Return what `carried` returns where the gripper of a Shape has moved, and the Problem."""
+    mesh, past = shape.state.mesh, shape.state.history
+    system = mesh.system(gripper.rotation, np.array(gripper.position), past)
+    before = np.hstack([past.positions - gripper.position, past.tangents])
+    q = mesh.unknowns(shape.element_strains)
+    return *carried(system, q, before, np.array(shape.gripper.rotation)), q, system
+
+
+@pytest.mark.parametrize('way', [(0.0, 0.0, -1.0, 0.0), (-0.6, 0.5, 0.0, 0.0),
+                                 (0.0, 0.0, -0.3, 2.0)])
+def test_what_lies_is_carried_along_to_first_order(way):
+    """Where a gripper has turned and moved, most of what changes is foreseen, with its contacts."""
+    shape = laid(0.5, [0.6, 0.56, 0.52, 0.5])[-1]
+    direct = DirectSimulator(CABLE, basis='local', n_elements=64,
+                             obstacles=[Plane((0, 0, 0), (0, 0, 1), friction=0.5)])
+    *shift, turn = way
+    for part in (2e-2, 1e-2, 1e-3):
+        turned = Rotation.from_euler('y', np.radians(30) + part * turn).as_quat()
+        goal = Pose(shape.gripper.position + part * np.array(shift), turned)
+        follows, q, _, before, _ = moved_from(shape, goal)
+        there = direct._step(goal, shape, (), np.inf)
+        right = there.state.mesh.unknowns(there.element_strains)
+        assert follows and there.converged
+        assert np.linalg.norm(q - right) < 0.2 * np.linalg.norm(before - right)
+
+
+def test_who_has_another_past_is_not_carried():
+    shape = laid(0.5, [0.6, 0.56])[-1]
+    goal = Pose(np.add(shape.gripper.position, [0, 0, -1e-3]), shape.gripper.quaternion)
+    assert moved_from(shape, goal)[0]
+    mesh, past = shape.state.mesh, shape.state.history
+    system = mesh.system(goal.rotation, np.array(goal.position), past)
+    before = np.hstack([past.positions - goal.position, past.tangents])
+    other = 1.01 * mesh.unknowns(shape.element_strains)
+    assert not carried(system, other, before, np.array(shape.gripper.rotation))[0]
+
+
+@pytest.mark.parametrize('way', [(-0.02, 0.0), (-0.01, 0.02)])
+def test_friction_is_against_the_way_of_what_goes_along(way):
+    """A laid cable that its gripper takes along is in balance at once, but rubs the wrong way."""
+    direct = DirectSimulator(CABLE, basis='local', n_elements=64,
+                             obstacles=[Plane((0, 0, 0), (0, 0, 1), friction=0.5)])
+    before = laid(0.5, np.linspace(0.6, 0.2, 21))[-1]
+    for _ in range(2):
+        goal = Pose(np.add(before.gripper.position, [*way, 0.0]), before.gripper.quaternion)
+        shape = direct.solve(goal, before)
+        assert shape.converged
+        slid = 0
+        for one in shape.contacts:
+            was, now = (each.positions_at([one.s])[0] for each in (before, shape))
+            if np.linalg.norm(now - was) > 2e-4:
+                slid += 1
+                assert one.friction @ (now - was) < -0.8 * np.linalg.norm(one.friction) * (
+                    np.linalg.norm(now - was))
+                assert np.linalg.norm(one.friction) == pytest.approx(0.5 * one.force, rel=1e-4)
+        before = shape
+    assert slid > 5
+
+
+def test_what_goes_along_in_balance_is_not_at_rest():
+    """A cable that lies on a table, and has gone along with its gripper, rubs the wrong way."""
+    shape = laid(0.5, np.linspace(0.6, 0.5, 6))[-1]
+    goal = Pose(np.add(shape.gripper.position, [0.01, 0.02, 0.0]), shape.gripper.quaternion)
+    *_, q, system = moved_from(shape, goal)
+    past = shape.state.history
+    before = np.hstack([past.positions - goal.position, past.tangents])
+    assert settle(system, q, before, 1e-5, 0, np.zeros(2))[3] < 1e-5
+    _, _, steps, residual, _ = settle(system, q, before, 1e-5, 250, np.zeros(2))
+    assert steps > 0 and residual < 1e-5
+
+
+def test_points_that_roll_to_one_place_are_one():
+    """Their forces are one force there, and so is their friction."""
+    bar = Capsule((0.51, -1, -0.0125 + 1e-4), (0.51, 1, -0.0125 + 1e-4), 0.01, friction=0.5)
+    mesh = DirectSimulator(CABLE, basis='local', n_elements=24, obstacles=[bar]).mesh
+    system, q = mesh.system(np.eye(3), np.zeros(3), mesh.past(None, None)), np.zeros((24, 3))
+    whole = loads_on(system)
+    state = kkt_residual(system, q)[0]
+    near = with_candidates(system, state, NONE, 0.05, whole, 0.0)
+    contacts, scene = near.effects.contact.contacts, near.effects.contact.scene
+    one = np.flatnonzero(contacts.obstacle >= 0)
+    rubs = np.flatnonzero((contacts.obstacle < 0) & (contacts.fraction < 1.0))
+    assert one.size == rubs.size == 1
+    fraction = contacts.fraction[one[0]]
+    two, places = [one[0], one[0], rubs[0], rubs[0]], fraction + np.array([-4e-3, 3e-3] * 2)
+    shear = np.zeros((4, 3))
+    shear[2:, 1] = 0.1, 0.2
+    near = with_contacts(near, with_contacts_of(
+        contacts, contacts.element[two], contacts.obstacle[two], np.array([0.3, 0.4, 1.0, 1.0]),
+        places, contacts.anchor[two], contacts.normal[two], shear), scene)
+    after = with_candidates(near, state, NONE, 0.05, whole, 0.0).effects.contact.contacts
+    bears = after.obstacle >= 0
+    assert after.fraction[bears] == pytest.approx([fraction], abs=1e-6)
+    assert after.multiplier[bears] == pytest.approx([0.7])
+    assert after.shear[(after.obstacle < 0) & (after.fraction < 1.0)] == pytest.approx(
+        np.array([[0.0, 0.3, 0.0]]), abs=1e-9)
