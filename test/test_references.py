@@ -89,6 +89,16 @@ def on_the_stack(x):
     return y[0] + both[0, 0] + 10.0 * both[1, 2] + 100.0 * places[1] + places[0]
 
 
+def sum_of_zeros(x):
+    """Return the sum of 64 zeros and a row."""
+    y, total = np.zeros((8, 8)), 0.0
+    put(x[0], y[3, 2:5])
+    for i in range(8):
+        for j in range(8):
+            total += y[i, j]
+    return total
+
+
 def kept_in_a_record(x):
     y = np.zeros(3)
     put(x[0], y)
@@ -166,7 +176,7 @@ def test_what_is_computed_is_the_same():
 
 def test_what_is_on_the_stack_is_what_it_would_be_elsewhere():
     x = np.random.default_rng(2).normal(size=(7, 3))
-    for function in (on_the_stack, made, made_by_length, exchanged):
+    for function in (on_the_stack, sum_of_zeros, made, made_by_length, exchanged):
         assert kernel(function)(x) == pytest.approx(function(x), rel=1e-14)
 
 
