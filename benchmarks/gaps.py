@@ -338,8 +338,8 @@ def overstated(kind: str, count: int, seed: int = 0) -> Iterator[tuple[float, fl
         shape, surface, body = case(kind, index, seed)
         real = least(shape, surface, body)
         said = stated(kind, shape, surface, body)
-        # of a strip that an edge of a box cuts it is said that it is in the box, not how deep
-        cut = kind == 'strip on a box' and said < 0.0 and real < 0.0
+        # of a strip that an edge cuts it is said that it is in the body, not how deep its faces are
+        cut = kind in ('strip on a box', 'strip in a hole') and said < 0.0 and real < 0.0
         yield min(0.0, said - real) if cut else said - real, real, index
 
 

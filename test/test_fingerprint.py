@@ -191,5 +191,8 @@ def test_the_package_tells_numba_nothing_behind_the_back_of_the_fingerprint():
     assert users.keys() - {f'kernels/{name}.py' for name in (
         '__init__', 'dispatcher', 'files', 'fingerprint', 'references')} == {
             'geometry/record.py', 'kernels/interruption.py'}
+    # what the compiler itself writes is known by its text, which is in the key of all machine code
+    assert UNKNOWN & users.pop('kernels/references.py') == {'intrinsic'}
+    assert "'references.py'" in (PACKAGE / 'kernels' / 'files.py').read_text()
     assert not UNKNOWN & set().union(*users.values())
     assert 'overload' in users['geometry/record.py']

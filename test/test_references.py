@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels that make no array count no references; all others do, and nothing leaks."""
+"""Kernels that make no array that is kept count no references; all others do, and nothing leaks."""
 
 import gc
 
@@ -51,6 +51,66 @@ def made(x):
     return y.sum()
 
 
+def made_by_length(x):
+    y = np.zeros(x.shape[1])
+    for a in range(x.shape[0]):
+        for i in range(3):
+            y[i] += doubled(x[a])[i]
+    return y.sum()
+
+
+def exchanged(x):
+    """Return the sum of all steps: the last row less the first one."""
+    before, total = x[0].copy(), 0.0
+    for a in range(1, x.shape[0]):
+        now = np.empty(3)
+        for i in range(3):
+            now[i] = x[a, i]
+        for i in range(3):
+            total += now[i] - before[i]
+        before = now
+    return total
+
+
+@kernel
+def put(x, out):
+    """Fill an array that the caller has."""
+    for i in range(out.size):
+        out[i] += x[i]
+
+
+def on_the_stack(x):
+    """Return sums of rows, of arrays that are given to other kernels, in all their kinds."""
+    y, both, places = np.zeros(3), np.empty((2, 3)), np.zeros(2, np.int64)
+    for a in range(x.shape[0]):
+        put(x[a], y)
+        both[0, 0], both[1, 2] = y[1], y[2]
+        places[1] = a
+    return y[0] + both[0, 0] + 10.0 * both[1, 2] + 100.0 * places[1] + places[0]
+
+
+def sum_of_zeros(x):
+    """Return the sum of 64 zeros and a row."""
+    y, total = np.zeros((8, 8)), 0.0
+    put(x[0], y[3, 2:5])
+    for i in range(8):
+        for j in range(8):
+            total += y[i, j]
+    return total
+
+
+def kept_in_a_record(x):
+    y = np.zeros(3)
+    put(x[0], y)
+    return Pair(y, x)
+
+
+def a_row_of_it(x):
+    y = np.zeros((2, 3))
+    put(x[0], y[1])
+    return y[1]
+
+
 def first_row(x):
     return x[0]
 
@@ -91,8 +151,9 @@ def counts(function, *args):
 
 
 @pytest.mark.parametrize(('function', 'expected'), [
-    (in_rows, False), (in_fields, False), (made, True), (first_row, True), (first_of, True),
-    (calls_what_makes, True)])
+    (in_rows, False), (in_fields, False), (on_the_stack, False), (made, False),
+    (made_by_length, True), (exchanged, True), (first_row, True), (first_of, True),
+    (kept_in_a_record, True), (a_row_of_it, True), (calls_what_makes, True)])
 def test_references_are_counted_where_arrays_are_made_or_returned(compiled_anew, function,
                                                                   expected):
     x = np.arange(12.0).reshape(4, 3)
@@ -111,6 +172,22 @@ def test_what_is_computed_is_the_same():
     x, y = rng.normal(size=(2, 50, 3))
     assert kernel(in_rows)(x, y.copy()) == in_rows(x, y.copy())
     assert kernel(in_fields)(Pair(x, y[0].copy())) == pytest.approx(x[:, 0].sum() + y[0, 0])
+
+
+def test_what_is_on_the_stack_is_what_it_would_be_elsewhere():
+    x = np.random.default_rng(2).normal(size=(7, 3))
+    for function in (on_the_stack, sum_of_zeros, made, made_by_length, exchanged):
+        assert kernel(function)(x) == pytest.approx(function(x), rel=1e-14)
+
+
+def test_what_a_kernel_returns_is_not_on_the_stack():
+    x = np.random.default_rng(3).normal(size=(50, 2, 3))
+    records = [kernel(kept_in_a_record)(one.copy()) for one in x]
+    rows = [kernel(a_row_of_it)(one) for one in x]
+    gc.collect()
+    for one, record, row in zip(x, records, rows, strict=True):
+        assert record.one.tolist() == row.tolist() == one[0].tolist()
+        assert record.other.tolist() == one.tolist()
 
 
 def test_what_is_returned_outlives_what_it_is_a_view_of():

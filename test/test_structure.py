@@ -32,6 +32,7 @@ KNOWN = {
     'dlo_planner/kernels/dispatcher.py:_final_module': 1,
     'dlo_planner/kernels/dispatcher.py:_rebuild': 1,
     'dlo_planner/kernels/dispatcher.py:_reduce': 1,
+    'dlo_planner/kernels/references.py:_getvalue': 1,  # numba's
     'dlo_planner/kernels/dispatcher.py:_code': 1,
     'dlo_planner/kernels/fingerprint.py:_overload_func': 1,
     'dlo_planner/ros/main.py:_exit': 1,

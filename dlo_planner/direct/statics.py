@@ -280,8 +280,8 @@ def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, stra
         return None
     end = _uninterrupted(follow_step(
         mesh.full, gripper.rotation, gripper.position, past.plastic, past.node_force, *past.points,
-        past.positions, past.tangents, initial.gripper.rotation, initial.gripper.position,
-        strains, TOLERANCE, EXACT * float(mesh.s[-1])))
+        past.positions, read_only(past.tangents), initial.gripper.rotation,
+        initial.gripper.position, strains, TOLERANCE, EXACT * float(mesh.s[-1])))
     return shape_from(mesh, gripper, end, past, (), False) if end.residual < np.inf else None
 
 
@@ -321,8 +321,7 @@ def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:
     if not shape.contacts or shape.holds or mesh.yields or not mesh.may_hang:
         return np.inf
     gripper, finer = shape.gripper, mesh.finer
-    left = changed(past, positions=NOWHERE, tangents=NOWHERE).under(past).resampled(finer.s)
-    system = finer.system(gripper.rotation, gripper.position, left)
+    system = finer.system(gripper.rotation, gripper.position, past.halved(finer.s))
     return 4 / 3 * float(correction(system, np.array(shape.element_strains),
                                     shape.positions - gripper.position))
 
@@ -798,11 +797,9 @@ def memory_after(mesh: Discretization, end: Solution, before: Memory, culled: bo
             plastic, lost = end.plastic, lost + end.lost
         if mesh.obstructed:
             force, points = end.forces[0], ContactPoints(*end.forces[1:])
-    tangents = end.frames[:, :, 0].copy()
-    tangents.flags.writeable = False
     after = Memory.__new__(Memory)  # nobody else has its arrays: it need not look at them
     put(after, s=mesh.s, plastic=plastic, dissipated=lost, hold=end.hold, node_force=force,
-        points=points, positions=end.positions, tangents=tangents, of=mesh.surroundings,
+        points=points, positions=end.positions, tangents=end.frames[:, :, 0], of=mesh.surroundings,
         set_error=before.set_error, hinge=before.hinge, original_set=None)
     return after
 

@@ -106,8 +106,12 @@ class _Feature(NamedTuple):
 
 
 def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floats | None = None,
-                *, sharp: bool = False) -> Scene:
+                *, sharp: bool = False, outlines: bool = False) -> Scene:
     """Return the Scene of obstacles for a DLO, relative to the world's origin.
+
+    `outlines`: whether faces of a rectangular DLO are watched at the outlines of sheets. Where one
+    of its edges lies on the same line a face would bear at the same points, which leaves forces
+    open that no step finds: so it is for clearances.
 
     Shapes: s (N + 1,).
     """
@@ -127,7 +131,7 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
         if smooth:
             first_grid = len(grids)
             grids += _grids(at_home, radii)
-        for body, cutouts in _bodies(obstacle, surface.half is not None):
+        for body, cutouts in _bodies(obstacle, surface.half is not None, outlines):
             kind = KINDS.index(body.kind)
             if surface.half is not None and kind not in _BY_SECTIONS:
                 raise InvalidTask(f'{obstacle!r}: expected a DLO with a round section, of a '
@@ -176,30 +180,41 @@ def _least_and_largest(surface: Surface, s: Floats | None) -> tuple[float, float
     return float(radii.min()), float(radii.max())
 
 
-def _bodies(obstacle: Obstacle, edged: bool) -> Iterator[tuple[Body, tuple[CutOut, ...]]]:
-    """Yield the bodies that stand for an obstacle, with their cut-outs; `edged`: so is the DLO."""
+def _bodies(obstacle: Obstacle, edged: bool,
+            outlines: bool) -> Iterator[tuple[Body, tuple[CutOut, ...]]]:
+    """Yield the bodies that stand for an obstacle, with their cut-outs; `edged`: so is the DLO.
+
+    The rim of a hole meets the edges of a DLO that is in it, never its faces.
+    """
     if isinstance(obstacle, Sheet):
         for layer in _layers(obstacle):
             for sheet, cutouts in _slotted(layer):
                 size = (0.5 * sheet.thickness, 0.5 * sheet.width, 0.5 * sheet.height)
                 yield Body('sheet', sheet.pose, size), cutouts
+        if edged and outlines:
+            outline = np.array([obstacle.thickness, obstacle.width, obstacle.height])
+            for edge in _edges(obstacle.pose, outline):
+                yield edge, ()
         return
     for body in obstacle.bodies:
         yield body, ()
     if isinstance(obstacle, Box) and edged:
-        for edge in _edges(obstacle):
+        for edge in _edges(obstacle.pose, np.asarray(obstacle.size)):
             yield edge, ()
 
 
-def _edges(box: Box) -> Iterator[Body]:
-    """Yield the 12 edges of a Box."""
+def _edges(pose: Pose, size: Floats) -> Iterator[Body]:
+    """Yield the 12 edges of a box of a size (3,) in m; the 4 of a rectangle, if the first is 0."""
     for axis in range(3):
         second, third = (axis + 1) % 3, (axis + 2) % 3
-        turned = box.pose.rotation[:, [axis, second, third]]
-        for one, other in product((-0.5, 0.5), repeat=2):
-            away = (one * box.size[second] * turned[:, 1] + other * box.size[third] * turned[:, 2])
-            yield Body('capsule', Pose.from_rotation(box.pose.position + away, turned),
-                       (0.5 * box.size[axis], 0, 0))
+        turned = pose.rotation[:, [axis, second, third]]
+        if size[axis] == 0.0:
+            continue
+        ways = [(-0.5, 0.5) if size[k] > 0.0 else (0.0,) for k in (second, third)]
+        for one, other in product(*ways):
+            away = one * size[second] * turned[:, 1] + other * size[third] * turned[:, 2]
+            yield Body('capsule', Pose.from_rotation(pose.position + away, turned),
+                       (0.5 * size[axis], 0, 0))
 
 
 def _features(kind: int, body: Body, surface: Surface, rims: Iterable[tuple[float, _Span]],

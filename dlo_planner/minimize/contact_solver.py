@@ -438,8 +438,6 @@ def _free(system, q, tolerance, exact, max_iterations, check):
 @kernel
 def predictor_corrector(system, base, slid, strains, shift, tolerance, exact, previous):
     """Return whether a DLO that bears goes on bearing, and what `solve_contact` does."""
-    if _bearing(system.effects.contact.contacts) >= _MANY:
-        return False, new_configuration(system), np.inf, np.nan, 0, 0, system, np.inf
     twist = np.empty(6)
     put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), twist)
     twist[3:] = shift

@@ -55,7 +55,7 @@ def sheet_of(cutout: CutOut, length: float, obstacles: Iterable[Obstacle] = ()) 
 
 def clearance(obstacles: Iterable[Obstacle], surface: Surface | float, shape: Shape) -> float:
     """Return the smallest distance in m between a DLO's surface and obstacles (< 0: inside)."""
-    return _clearance(build_scene(obstacles, surface, shape.s, sharp=True), shape)
+    return _clearance(build_scene(obstacles, surface, shape.s, sharp=True, outlines=True), shape)
 
 
 def _clearance(scene: Scene, shape: Shape) -> float:
@@ -157,8 +157,8 @@ class Bodies:
         key = shape.s.tobytes() if self._surface.rod is not None else b''
         if key not in self._scenes:
             self._scenes[key] = (
-                build_scene(self._all, self._surface, shape.s, sharp=True),
-                build_scene(self._others, self._surface, shape.s, sharp=True),
+                build_scene(self._all, self._surface, shape.s, sharp=True, outlines=True),
+                build_scene(self._others, self._surface, shape.s, sharp=True, outlines=True),
                 [scene_about(sheet, self._surface, shape.s) for sheet, _ in self._sheets])
         return self._scenes[key]
 

@@ -198,3 +198,24 @@ def test_two_holes_without_room_for_both_are_refused(radii, said):
     assert refused.value.constraint == 'reach'
     assert ('beside' in str(refused.value)) == ('beside' in said)
     assert refused.value.certificate
+
+
+def test_a_soft_wire_that_hangs_below_is_refused_for_the_depth_that_is_asked():
+    """No hanging shape comes near: all pitches of the gripper, from both sides, tell it."""
+    depth, first = 0.54, CutOut(Pose.looking_along((0, 0, 1), (0.954, 0.2, 0.222)))
+    way = np.array([0.8, 0.1, 0.592])
+    second = CutOut(Pose.looking_along(first.center + 0.205 * way / np.linalg.norm(way), way))
+    direct = DirectSimulator(Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34), basis='local',
+                             n_elements=48)
+    chord, pitches, least = second.center - first.center, np.arange(-90, 271, 5), np.inf
+    for order in (pitches, pitches[::-1]):
+        for shape in direct.track([Pose((0, 0, 0), Rotation.from_euler(
+                'y', -angle, degrees=True).as_quat()) for angle in order]):
+            away = shape.positions_at(np.linspace(1 - depth, 1, 100))
+            away -= away[0]
+            least = min(least, np.hypot(away[:, 2] - chord[2], np.hypot(away[:, 0], away[:, 1])
+                                        - np.hypot(chord[0], chord[1])).min())
+    assert least > 0.05
+    with pytest.raises(Infeasible, match=f'nor {depth:g} m deep in the first one') as refused:
+        InverseSimulator(direct).thread_two(first, second, depths=[depth])
+    assert refused.value.constraint == 'reach'

@@ -172,3 +172,24 @@ def test_the_clearance_of_a_plan_is_that_of_the_dlos_surface(task):
         axis = shape.positions_at(np.linspace(0, shape.s[-1], 2000))
         measured = min(distance(one, axis).min() for one in obstacles) - HOSE.radius
         assert reported == pytest.approx(measured, abs=1e-4)
+
+
+@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize('thickness', [0.0, 0.006])
+def test_the_outline_of_a_narrow_sheet_counts_below_a_face(seed, thickness):
+    """No edge of the strip comes as near as its face, of which points all over are looked at."""
+    rng = np.random.default_rng(seed)
+    shape = straight(rng.uniform(-0.3, 0.3))
+    half = 0.5 * np.array([thickness, 0.006, 0.05])  # m, narrower than the strip
+    turn = Rotation.from_rotvec(rng.uniform(-0.15, 0.15, 3)).as_matrix()
+    sheet = Sheet(Pose.from_rotation((0.15, 0.001, -0.035), turn), 0.006, 0.05, thickness)
+    assert clearance([sheet], SURFACE, shape) == pytest.approx(
+        min_to_box(outside(shape, SURFACE.half), sheet.pose, half), abs=1e-5)
+    cut = Sheet(Pose.from_rotation((0.15, 0.001, -0.02), turn), 0.006, 0.05, thickness)
+    assert clearance([cut], SURFACE, shape) <= 1e-12
+
+
+def min_to_box(points, pose, half):
+    """Return the smallest distance of points (n, 3) from a box with half sizes (3,), in m."""
+    beyond = np.abs((points - pose.position) @ pose.rotation) - half
+    return np.sqrt((np.maximum(beyond, 0.0) ** 2).sum(axis=1)).min()

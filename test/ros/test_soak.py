@@ -11,7 +11,7 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from soak.doors import SERVICES, TOPICS
 from soak.faults import obstacle_publisher_vanished
-from soak.fuzzing import Soak
+from soak.fuzzing import FIRST, GROWS, Result, Soak
 from soak.stage import stage
 from soak.watching import OUTPUTS
 
@@ -77,3 +77,15 @@ def test_messages_are_thrown_at_all_that_the_node_opens(domain, monkeypatch):
         assert until(lambda: full(OUTPUTS) | {
             '/parameter_events', f'{name}/transition_event'} == (
                 opened(node, 'publisher') - {'/rosout'}))
+
+
+def test_memory_counts_from_when_all_has_been_used_once():
+    def grown(after, last=0.0):
+        rows = [(10.0 * k, 420.0 + 30.0 * min(k / 6, 1.0) + after * max(k - 6, 0) / 18,
+                 100.0, 20, 30) for k in range(25)]
+        rows[-1] = (240.0, rows[-1][1] + last, 100.0, 20, 30)
+        return Result(memory=rows).growth()
+
+    assert grown(0.0) == grown(0.0, last=50.0) == 0.0
+    assert 0.0 < grown(5.0) < GROWS < grown(20.0)
+    assert np.isnan(Result(memory=[(FIRST, 420.0, 0.0, 1, 1)]).growth())

@@ -57,7 +57,8 @@ def main():
                 for beside in BESIDE:
                     found['latencies'].append(asdict(latency(made, rate, LATENCY_TIME, beside)))
                 made.restore()
-            found['soak'] = vars(fuzz(made, given))
+            soaked = fuzz(made, given)
+            found['soak'] = vars(soaked) | {'growth': soaked.growth()}
             found['faults'] += faults([(one, made) for one in WITH_A_NODE])
         found['faults'] += faults([(one,) for one in WITHOUT])
     (given.output / 'soak.json').write_text(json.dumps(found, indent=1))
@@ -66,7 +67,8 @@ def main():
               f'answered, {one["median"]:.1f} ms (median), {one["late"]:.1f} ms (99 %)')
     first, *_, last = found['soak']['memory']
     print(f'{sum(found["soak"]["sent"].values())} messages; memory {first[1]:.0f} to {last[1]:.0f} '
-          f'MB, descriptors {first[3]} to {last[3]}, threads {first[4]} to {last[4]}')
+          f'MB ({found["soak"]["growth"]:+.1%} since the first minute), descriptors {first[3]} to '
+          f'{last[3]}, threads {first[4]} to {last[4]}')
     problems = found['soak']['problems'] + [
         f'{one["fault"]}: {wrong}' for one in found['faults'] for wrong in one['problems']]
     print('\n'.join(problems or ['nothing is wrong']))

@@ -5,12 +5,17 @@
 from dataclasses import dataclass, field
 from time import monotonic, sleep
 
+import numpy as np
+
 from soak.doors import HARMLESS, SERVICES, TOPICS, Fuzzer
 from soak.stage import PROOF, STEP, Stage, robot
 from soak.watching import Watch, children, opened_files, resident, threads
 
 GOOD = 0.3        # of the messages have no fault
 GARBAGE = 0.05    # of those on topics are torn
+FIRST = 60.0      # s in which each door is used for the first time: code is read, threads begin
+LOOKS = 5         # that are told together
+GROWS = 0.02      # of the memory then: what it may grow by afterwards
 NAMES = (*TOPICS, *TOPICS, *SERVICES)
 
 
@@ -36,6 +41,16 @@ class Result:
     memory: list = field(default_factory=list)
     executions: int = 0
     came: dict = field(default_factory=dict)
+
+    def growth(self) -> float:
+        """Return by which part the node's memory has grown since its first minute; nan: too short.
+
+        The median of the last few looks tells: while it plans it has more for a moment.
+        """
+        settled = [row[1] for row in self.memory if row[0] >= FIRST]
+        if len(settled) < 2 * LOOKS:
+            return float('nan')
+        return float(np.median(settled[-LOOKS:]) / np.median(settled[:LOOKS])) - 1.0
 
 
 class Soak:
@@ -87,6 +102,8 @@ class Soak:
     def close(self) -> Result:
         self.result.sent, self.result.answered = self._fuzzer.sent, self._fuzzer.answered
         self.result.came = self._watch.came
+        growth = self.result.growth()
+        self._note(growth > GROWS, f'the memory of the node has grown by {growth:.1%}')
         self._fuzzer.close()
         self._watch.close()
         return self.result

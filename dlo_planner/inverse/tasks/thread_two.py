@@ -209,9 +209,12 @@ def _unreached(simulator: DirectSimulator, task: Threading,
                 'down in its natural shape, snaps into none that leads to them', begin.unit)
         missing = _both(simulator, task).least_miss(shapes)
     waypoint = min(int(np.searchsorted(task.depths, apart)), len(task.depths) - 1)
+    first = float(task.depths[0])
+    where = 'as the free end reaches the second one'
+    if first >= apart:  # the motion may begin beyond
+        where = f'{where}, nor {first:g} m deep in the first one, where the motion begins'
     return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
-                      'their directions as the free end reaches the second one', waypoint, 'reach',
-                      missing, builder.partial())
+                      f'their directions {where}', waypoint, 'reach', missing, builder.partial())
 
 
 def certificate(simulator: DirectSimulator, task: Threading) -> str:
