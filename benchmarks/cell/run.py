@@ -30,7 +30,7 @@ CELLS = 80        # of a plant that is not looked at
 SEEN_CELLS = 30   # of one that is: within 0.3 mm of 1 m of 80, its frequencies within 0.2 %
 _FINER = 1.4      # times as many cells as the plant that runs once more
 _LOOKED_AT = 2    # periods of control between two measurements of the miss
-_SHORT = 0.005    # of the length, by which the depth may fall short
+_SHORT = 5e-3     # m, by which the depth may fall short: lengths are known to 1 mm
 _LONGEST = 300.0  # s, of a run
 _STOP = 5.0       # N: a larger contact force ends a run
 _ROUNDING = 1e-9  # of a number of periods
@@ -87,7 +87,7 @@ class Outcome(Value):
 
 def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHING_UNKNOWN,
         disturbances: Disturbances = UNDISTURBED, camera: Camera | None = None,
-        damping: float = 0.005, step: float = STEP,
+        damping: float = 0.005, step: float = STEP, cells: int | None = None,
         watch: Callable[[Plant], object] | None = None) -> Outcome:
     """Return the Outcome of a Task.
 
@@ -97,7 +97,8 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     reacts to the chain that it sees: there it is the DLO.
 
     The driver gets what a robot has: the DLO, sheet and damping as stated (the latter as
-    `Rod.damping`), the images, and the poses that the robot measures.
+    `Rod.damping`), the images, and the poses that the robot measures. `cells` is the number of the
+    chain; None: CELLS without a camera, SEEN_CELLS with one.
     """
     instance('task', task, Task)
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 78])
@@ -113,17 +114,17 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
                      damping=number('damping', damping, minimum=0) * truth.damping, course=course)
 
     try:
-        plant = hung(CELLS if viewer is None else SEEN_CELLS)
+        plant = hung(cells or (CELLS if viewer is None else SEEN_CELLS))
         stated = (0.0, plant.lag / truth.damping)
         command = driver(replace(task, rod=replace(task.rod, damping=stated)))
     except _REFUSALS as error:
         return Outcome(seed, _reason(error))
     driven = _drive(plant, command, task, viewer, watch, disturbances.lag)
     if viewer is None and not driven.refused:
-        driven = _extrapolated(driven, _drive(hung(round(CELLS / _FINER)), _Again(driven.poses),
-                                              task, None, None, 0.0))
+        coarse = hung(round((cells or CELLS) / _FINER))
+        driven = _extrapolated(driven, _drive(coarse, _Again(driven.poses), task, None, None, 0.0))
     depth, miss = plant.passage(task.cutout).depth, driven.miss
-    threaded = (depth > task.depth - _SHORT * task.rod.length
+    threaded = (depth > task.depth - _SHORT
                 and miss < task.radius and not driven.refused)
     if isinstance(task, OtherTask) and not task.cutouts:  # a contact
         miss, depth = task.off(plant.points([task.rod.length - task.depth])), task.depth

@@ -404,12 +404,18 @@ class Thread(Task):
         try:
             if room <= 0:  # no direction is better
                 return along()
-            return _with_room(along, partial(thread_with_most_room, free, task, most), room,
-                              partial(best_rating, free, task.demands.uncertainty, room),
-                              partial(missed_between, free))
+            return self._chosen(along, partial(thread_with_most_room, free, task, most), partial(
+                _with_room, room=room, best=partial(best_rating, free, task.demands.uncertainty,
+                                                    room),
+                missed=partial(missed_between, free)))
         except Infeasible as error:
             error.advise = partial(advice, free, task, most)
             raise
+
+    def _chosen(self, along: Callable[[], Plan], oblique: Callable[[], Plan],
+                choose: Callable[[Callable[[], Plan], Callable[[], Plan]], Plan]) -> Plan:
+        """Return the Plan along the normal or the oblique one, as `choose` does."""
+        return choose(along, oblique)
 
     @property
     def held_inside(self) -> float | None:
@@ -435,3 +441,38 @@ class Thread(Task):
             return plan
         kept = trim_to_clearance(plan, self.cutout, self.gripper_clearance, self.depths is None)
         return kept if len(kept) == len(plan) else kept_between(kept, demands)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ThreadAsBefore(Thread):
+    """A Thread that was planned before, for a DLO that is known a little better since.
+
+    It passes along the normal or obliquely as it did then, whichever would leave a little more
+    room now: before the hole the gripper stands where that way goes on, and the DLO would have to
+    be led past the sheet to another one. Where that is not possible any more, it passes as it can.
+
+    Attributes
+    ----------
+    obliquely : bool
+        Whether it passed obliquely.
+    """
+
+    obliquely: bool = False
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, cutout: CutOut, depths: ArrayLike | None = None,
+                     method: str = 'coupled', gripper_clearance: float | None = None,
+                     as_deep_as_possible: bool = False, max_misalignment: float | None = None,
+                     hold_at: float | None = None, obliquely: bool = False) -> None: ...
+
+    def __post_init__(self) -> None:
+        flag('obliquely', self.obliquely)
+        super().__post_init__()
+
+    def _chosen(self, along: Callable[[], Plan], oblique: Callable[[], Plan],
+                choose: Callable[[Callable[[], Plan], Callable[[], Plan]], Plan]) -> Plan:
+        """Return the Plan of the kind that it was, if there is one."""
+        try:
+            return oblique() if self.obliquely else along()
+        except Infeasible:
+            return choose(along, oblique)
