@@ -75,6 +75,7 @@ from dlo_planner.tasks import (
     PlanStatus,
     Plug,
     Requirements,
+    ThreadInGrasps,
 )
 
 # For those who write tasks and penalties of their own: no values that are given or got.
@@ -135,7 +136,8 @@ def values():
                  HoldContact(contact, 0.5), SlideContact(contact, [0.5]), Requirements(),
                  Minimize(PositionAt(1.0, (0.9, 0, 0.9))), MoveTo([LEVEL]), Carry(LEVEL),
                  LayOnLine(LEVEL), Plug(0.05, 0.01, 0.02),
-                 InsertPlug(LEVEL, Plug(0.05, 0.01, 0.02))]
+                 InsertPlug(LEVEL, Plug(0.05, 0.01, 0.02)), ThreadInGrasps(
+                     hole, 0.15, Pose((-0.4, 0.0, 1.0), LEVEL.quaternion), hold_at=0.8)]
     examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01),
                  Steered(Trajectory(plan, tolerance=np.inf), [1.0, 0.5, 0.1])]
     return {type(one).__name__: one for one in examples} | {

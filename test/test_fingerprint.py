@@ -189,7 +189,7 @@ def test_the_package_tells_numba_nothing_behind_the_back_of_the_fingerprint():
                 if 'numba' in {home.split('.')[0], *(name.split('.')[0] for name in names)}:
                     users.setdefault(path.relative_to(PACKAGE).as_posix(), set()).update(names)
     assert users.keys() - {f'kernels/{name}.py' for name in (
-        '__init__', 'dispatcher', 'files', 'fingerprint')} == {
+        '__init__', 'dispatcher', 'files', 'fingerprint', 'references')} == {
             'geometry/record.py', 'kernels/interruption.py'}
     assert not UNKNOWN & set().union(*users.values())
     assert 'overload' in users['geometry/record.py']

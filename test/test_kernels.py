@@ -39,7 +39,7 @@ from dlo_planner.energy.plastic import return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.scene import signed_distance
 from dlo_planner.geometry.basis import equidistribute
-from dlo_planner.geometry.kinematics import frame_along, nearest_place
+from dlo_planner.geometry.kinematics import frame_along, nearest_place, points_inside
 from dlo_planner.identify import Observation, correct, residuals
 from dlo_planner.identify.residuals import nearest
 from dlo_planner.inverse.equilibria import integrate_from_tip
@@ -53,6 +53,8 @@ from dlo_planner.minimize.convergence import gradient_noise
 from dlo_planner.minimize.newton import follow_homotopy, newton_descent
 from dlo_planner.minimize.response import (
     gripper_answers,
+    hanging_answers,
+    hanging_slopes,
     node_twists,
     strain_answers,
     twists_inside,
@@ -72,7 +74,8 @@ KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_a
            swept._exceeded, workspace.distances_from, strain_answers, parameters._moved_points,
            residuals._points_at, nearest_place, follow_goals, solve_free, solve_contact,
            predictor_corrector, follow_step, discretization_errors, equidistribute, node_twists,
-           twists_inside, fill_residuals, fill_rows]
+           twists_inside, fill_residuals, fill_rows, hanging_answers, hanging_slopes,
+           parameters.moved_points_of, points_inside]
 
 
 def use_everything():

@@ -25,12 +25,13 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.penalties import PositionAt, minimize_penalty
-from dlo_planner.tasks import Carry
+from dlo_planner.tasks import Carry, ThreadInGrasps
 
 THIN = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 BENT = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.6, 0.4), radius=7.5e-4)
 SOFT = Rod.circular(1.0, 8e-3, 1500.0, 5e7, 0.4)
+CABLE = Rod(1.0, 0.035, 1.2e-3, 1e-3, radius=2e-3)
 ON_EDGE = Rod(1.0, 3.0, (1.0, 40.0), 0.5, natural_curvature=(-4.0, 0.0))
 FLAT = Rod(1.0, 1.8, (1.0, 100.0), 0.7)
 DEPTHS = np.linspace(0, 0.9, 7)
@@ -161,6 +162,14 @@ def carried(given, rod, basis):
     return np.concatenate([of_plan(plan), *(pose.matrix.ravel() for pose in plan.far_end_poses)])
 
 
+def hand_over_hand(given, rod, basis):
+    task = ThreadInGrasps(given.hole((1, 0, 0)), 0.3, given.pose((-0.4, -0.2, 1.0), (0, 1.5, 0)),
+                          hold_at=0.8)
+    plan = InverseSimulator(DirectSimulator(rod, basis=basis)).plan(task)
+    return np.concatenate([plan.depths, *(pose.matrix.ravel() for poses in plan.arms.values()
+                                          for pose in poses)])
+
+
 TASKS = {
     'thin': (THIN, set_down), 'bent': (BENT, set_down),
     'on edge': (ON_EDGE, set_down), 'flat': (FLAT, set_down),
@@ -179,6 +188,7 @@ TASKS = {
     'oblique hole': (WIRE, threaded((-1, 0.2, -0.5))), 'bent, hole': (BENT, threaded((1, 0.2, 0))),
     'two': (WIRE, through_two), 'start': (WIRE, brought_to_the_hole), 'bore': (WIRE, inserted),
     'penalty': (WIRE, end_brought_to_a_place), 'carry': (SOFT, carried),
+    'hand over hand': (CABLE, hand_over_hand),
 }
 
 

@@ -242,6 +242,16 @@ def test_all_functions_but_kernels_are_annotated():
     assert not {name: those for name, those in lacking.items() if those}
 
 
+def test_no_kernel_passes_more_than_thirty_arguments():
+    # Python passes them as a tuple, of which numba 0.62 does not see the names (`replaced`)
+    long = [f'{path}:{call.lineno}' for path, tree in package().items() for made in ast.walk(tree)
+            if isinstance(made, ast.FunctionDef)
+            and any(ast.unparse(mark).startswith('kernel') for mark in made.decorator_list)
+            for call in ast.walk(made) if isinstance(call, ast.Call)
+            and len(call.args) + 2 * len(call.keywords) > 30]
+    assert long == []
+
+
 # ---- headers and clean files -----------------------------------------------------------------
 
 

@@ -30,14 +30,14 @@ if not hasattr(mujoco.mjtIntegrator, 'mjINT_DISCRETE'):
 # It would write a file wherever it is; the plant sees by itself what goes wrong.
 mujoco.set_mju_user_warning(lambda message: None)
 
-__all__ = ['DLO', 'SCENE', 'Chain', 'add_chain', 'add_far_grip', 'add_gripper', 'chain_of',
-           'mujoco', 'set_rest',
-           'set_springs']
+__all__ = ['DLO', 'SCENE', 'Chain', 'add_chain', 'add_far_grip', 'add_grip', 'add_gripper',
+           'chain_of', 'mujoco', 'set_rest', 'set_springs']
 
 _GAUSS = np.polynomial.legendre.leggauss(5)
 _ORDERS = (1, 0, 2), (2, 0, 1)  # axes of the hinges in the order of the strains
 _THIN = 1e-4    # of mass times length^2 of a piece: the least inertia about its axis, to be above 0
 _HEAVY = 1e6    # mass of the gripper over that of the DLO, which then does not move it
+_LEVER = 30.0   # lengths: a hand's hold of a turn, by the engine's own rule, yields to the springs
 DLO, SCENE = 1, 2  # bits of what collides with what
 
 
@@ -162,6 +162,21 @@ def add_far_grip(spec: mujoco.MjSpec, chain: Chain, grip: str) -> None:
                              name2='grip', active=False)
     if grip == 'clamped':
         held.data[10] = chain.length  # a rad counts as so many m
+
+
+def add_grip(spec: mujoco.MjSpec, chain: Chain, number: int, s: float) -> None:
+    """Add a hand, by its number, that may clamp the place `s` (m) of the DLO, in a piece.
+
+    It is a body that is placed, and does not hold as yet. A piece has the direction of its middle:
+    places there, at a multiple of a cell, are held most exactly.
+    """
+    piece = int(np.clip(np.floor(s / chain.cell - 0.5), 0, len(chain.masses) - 1))
+    spec.worldbody.add_body(name=f'hand {number}', mocap=True).add_site(name=f'hand {number}')
+    spec.body(f'piece {piece}').add_site(
+        name=f'held {number}', pos=(s - (piece + 0.5) * chain.cell, 0, 0))
+    held = spec.add_equality(type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_SITE,
+                             name1=f'held {number}', name2=f'hand {number}', active=False)
+    held.data[10] = _LEVER * chain.length  # a rad counts as so many m
 
 
 def set_springs(model: mujoco.MjModel, chain: Chain) -> Floats:

@@ -10,7 +10,7 @@ It stands for the real cell and shares only data types (`dlo_planner.model`) wit
     print(plant.passage(hole), plant.largest_forces)
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil
 from typing import Any
@@ -26,6 +26,7 @@ from dlo_planner.cell.chain import (
     SCENE,
     add_chain,
     add_far_grip,
+    add_grip,
     add_gripper,
     chain_of,
     mujoco,
@@ -39,7 +40,7 @@ from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number, row, vector
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.holds import FarEnd
+from dlo_planner.model.holds import FarEnd, Hold
 from dlo_planner.model.obstacles import OBSTACLES, Capsule, Hull, Mesh, Obstacle, Plane, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
@@ -57,6 +58,9 @@ _DRAG = 0.05      # part of all velocities that is taken away in each step while
 _LONGEST = 20_000  # steps until it is at rest
 # solref, solimp of the engine: as stiff as a step of time allows, penetration well below 0.1 mm
 _STIFF_CONTACT = (2e-4, 1.0), (0.95, 0.99, 1e-4, 0.5, 2.0)
+# solref of hands, s and damping ratio: two of them that are close to each other give way to what
+# is taut between, which the engine could not bear
+_HAND = 2e-3, 1.0
 _ROUNDING = 1e-9  # of a number of steps
 _WILD = 1e6       # rad/s: a faster joint is unstable
 _SOFTEST = 0.5  # of the slowest frequency at first: a DLO in motion may look softer, or unstable
@@ -89,7 +93,9 @@ class Plant:
     gripper measures it; what is true instead, Truth and Course say, but for lag and friction, which
     are the robot's and the obstacles'. `damping` is the ratio of the slowest vibration at first, in
     proportion to the stiffness, and `least_damping` at least: the engine has some of its own. A
-    `far_end`, clamped or pinned, is led there straight from where it hangs.
+    `far_end`, clamped or pinned, is led there straight from where it hangs; so is what the first
+    of the `hands` holds. Those are all the hands that come to hold the DLO, clamped, each at its
+    place (`close`, `open`); one that does so at several places is as many of them.
 
     Raises InvalidTask where the DLO touches an obstacle at first, NotConverged where it does not
     come to rest.
@@ -98,7 +104,8 @@ class Plant:
     def __init__(self, rod: Rod, gripper: Pose, obstacles: Iterable[Obstacle] = (), *,
                  truth: Truth | None = None, cells: int = 40, step: float = 1e-3,
                  damping: float = 0.005, gravity: ArrayLike = _GRAVITY,
-                 course: Course | None = None, far_end: FarEnd | None = None) -> None:
+                 course: Course | None = None, far_end: FarEnd | None = None,
+                 hands: Iterable[Hold] = ()) -> None:
         instance('rod', rod, Rod)
         instance('gripper', gripper, Pose)
         self.truth = Truth() if truth is None else instance('truth', truth, Truth)
@@ -106,6 +113,12 @@ class Plant:
         instance('far_end', far_end, FarEnd, optional=True)
         if far_end is not None and far_end.grip not in ('clamped', 'pinned'):
             raise InvalidTask(f'far_end.grip = {far_end.grip!r}: expected clamped or pinned')
+        self.hands = items('hands', hands, Hold)
+        for hand in self.hands:
+            if hand.grip != 'clamped' or hand.s is None:
+                raise InvalidTask(f'hands: {hand!r}: expected clamped ones, each at a place s')
+        # of those that are closed: where their DLO is, seen from where they are meant to be
+        self._grasps: dict[int, Pose] = {}
         self._build(items('obstacles', obstacles, OBSTACLES), vector('gravity', gravity, 3),
                     far_end)
         self._step = number('step', step, above=0, maximum=0.01)
@@ -118,20 +131,58 @@ class Plant:
         self._settle()
         self._damp(number('damping', damping, minimum=0))
         if far_end is not None:
-            self._hold(far_end)
+            self._hold(far_end.pose, self.tip, 0)
+        if self.hands:
+            self._hold(self.hands[0].pose, self.grasped(0), self._hand(0))
+            self._grasps[0] = Pose.identity()
         self._check_free()
         # (n,) N, sums of the sizes of each obstacle's contact forces, means over the
         # last `move`, as a sensor of that sampling time shows an impact; and the largest so far
         self.forces = np.zeros(len(self._obstacles))
         self.largest_forces = self.forces.copy()
 
-    def move(self, gripper: Pose, seconds: float, far_end: Pose | None = None) -> None:
+    def grasped(self, hand: int) -> Pose:
+        """Return the Pose of the DLO where one of the `hands`, by its index, holds it or would."""
+        site = self._data.site(f'held {hand}')
+        return Pose.from_rotation(site.xpos, site.xmat.reshape(3, 3))
+
+    def close(self, hand: int, pose: Pose) -> float:
+        """Close one of the `hands`, by its index, at a Pose: it takes the DLO as it is there.
+
+        Returns how far the DLO is from where it is meant to be, m.
+        """
+        mujoco.mj_kinematics(self._model, self._data)
+        there = self.grasped(hand)
+        self._grasps[hand] = pose.inverse().compose(there)
+        self._place_hand(self._hand(hand), there)
+        self._data.eq_active[self._hand(hand)] = 1
+        return float(np.linalg.norm(there.position - pose.position))
+
+    def open(self, hand: int) -> None:
+        """Open one of the `hands`, by its index."""
+        self._data.eq_active[self._hand(hand)] = 0
+        self._grasps.pop(hand)
+
+    def _hand(self, hand: int) -> int:
+        """Return the number of a hand's equality, and of its body among those that are placed."""
+        return int(self._model.neq) - len(self.hands) + hand
+
+    def _place_hand(self, grip: int, pose: Pose) -> None:
+        self._data.mocap_pos[grip] = pose.position
+        self._data.mocap_quat[grip] = np.roll(pose.quaternion, 1)
+
+    def _placed_hand(self, grip: int) -> Pose:
+        return Pose(self._data.mocap_pos[grip], np.roll(self._data.mocap_quat[grip], -1))
+
+    def move(self, gripper: Pose, seconds: float, far_end: Pose | None = None,
+             hands: Mapping[int, Pose] | None = None) -> None:
         """Move the gripper to a Pose in a time in s, evenly; the next call goes on from there.
 
-        `far_end`: where the grip of the far end goes meanwhile, as evenly; None: it stays.
+        `far_end`: where the grip of the far end goes meanwhile, as evenly; None: it stays. So do
+        those of the closed `hands`, by index.
         """
         instance('gripper', gripper, Pose)
-        if instance('far_end', far_end, Pose, optional=True) and not self._model.neq:
+        if instance('far_end', far_end, Pose, optional=True) and not self._hand(0):
             raise InvalidTask(f'far_end = {far_end!r}: expected none, the far end is free')
         seconds = number('seconds', seconds, above=0)
         begin, end = self._held, self._holding(gripper, self.time + seconds)
@@ -143,16 +194,19 @@ class Plant:
         # in world axes and gripper axes, as the engine has it
         twist = np.concatenate([end[0] - begin[0], turn]) / seconds
         quaternion = begin[1].copy()
-        led = None if far_end is None else (Pose(
-            self._data.mocap_pos[0], np.roll(self._data.mocap_quat[0], -1)), far_end)
+        led = {} if far_end is None else {0: (self._placed_hand(0), far_end)}
+        for hand, pose in (hands or {}).items():
+            if hand not in self._grasps:
+                raise InvalidTask(f'hands: {hand} is open: expected closed ones, '
+                                  f'{sorted(self._grasps)}')
+            led[self._hand(hand)] = (self._placed_hand(self._hand(hand)),
+                                     pose.compose(self._grasps[hand]))
         for k in range(1, steps + 1):
             mujoco.mju_quatIntegrate(quaternion, twist[3:], seconds / steps)
             self._push(self.time + (k - 0.5) / steps * seconds)
             self._bend(self.time + k / steps * seconds)
-            if led is not None:
-                pose = nearer(*led, k / steps)
-                self._data.mocap_pos[0], self._data.mocap_quat[0] = (
-                    pose.position, np.roll(pose.quaternion, 1))
+            for grip, way in led.items():
+                self._place_hand(grip, nearer(*way, k / steps))
             self._advance(begin[0] + k / steps * (end[0] - begin[0]), quaternion, twist)
         if not np.abs(self._data.qvel).max() < _WILD:
             raise NotConverged(f'the motion of the DLO became unstable at {self.time:.3g} s')
@@ -206,6 +260,9 @@ class Plant:
         add_chain(gripper, self._chain)
         if far_end is not None:
             add_far_grip(spec, self._chain, far_end.grip)
+        for k, hand in enumerate(self.hands):
+            assert hand.s is not None  # judged when it was given
+            add_grip(spec, self._chain, k, hand.s)
         for k, obstacle in enumerate(obstacles):
             add_obstacle(spec, obstacle, k)
         self._obstacles = obstacles
@@ -214,6 +271,7 @@ class Plant:
         self._stiffness = set_springs(model, self._chain)
         model.geom_solref[:], model.geom_solimp[:] = _STIFF_CONTACT
         model.eq_solref[:], model.eq_solimp[:] = _STIFF_CONTACT
+        model.eq_solref[self._hand(0):] = _HAND
         names = [model.geom(k).name.split('/')[0] for k in range(model.ngeom)]
         self._owner = [int(name) if name else None for name in names]
         self._shift_sheets()
@@ -248,14 +306,17 @@ class Plant:
         self._data.qpos[7:] = self._model.qpos_spring[7:]
         self._come_to_rest()
 
-    def _hold(self, far_end: FarEnd) -> None:
-        """Lead the far end straight to where it is held, with much damping and no obstacles."""
-        begin = self.tip
-        self._data.eq_active[0] = 1
-        self._come_to_rest([nearer(begin, far_end.pose, share)
-                            for share in np.linspace(0, 1, _LED)], _STILL_HELD)
+    def _hold(self, pose: Pose, begin: Pose, grip: int) -> None:
+        """Lead what a grip holds straight to a Pose, with much damping and no obstacles.
 
-    def _come_to_rest(self, leading: Sequence[Pose] = (), still: float = _STILL) -> None:
+        `begin`: where it is; `grip`: the number of its equality, and of its body.
+        """
+        self._data.eq_active[grip] = 1
+        self._come_to_rest([nearer(begin, pose, share)
+                            for share in np.linspace(0, 1, _LED)], _STILL_HELD, grip)
+
+    def _come_to_rest(self, leading: Sequence[Pose] = (), still: float = _STILL,
+                      grip: int = 0) -> None:
         model, data = self._model, self._data
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         slowness = self._chain.slowness
@@ -263,8 +324,7 @@ class Plant:
         model.dof_damping[6:] = slowness * self._stiffness
         for k in range(_LONGEST):
             if k < len(leading):
-                data.mocap_pos[0] = leading[k].position
-                data.mocap_quat[0] = np.roll(leading[k].quaternion, 1)
+                self._place_hand(grip, leading[k])
             self._place(*self._held)
             data.qvel[:6] = 0
             mujoco.mj_step(model, data)

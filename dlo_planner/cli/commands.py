@@ -36,6 +36,7 @@ from dlo_planner.cli.io import (
     written,
 )
 from dlo_planner.cli.main import NO_SOLUTION
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.fit import fit_rod
@@ -309,9 +310,16 @@ def replay(dlo: Described, plan: Path, outputs: tuple[Path, ...]) -> None:
     """
     checked(outputs, (*PICTURES, *VALUES, '.csv'))
     click.echo(dlo.rod_line)
-    report = _proved(dlo, Plan.load(plan))
-    write(report, outputs)
-    if not report.safe:
+    found = Plan.load(plan)
+    if found.events:
+        if outputs:
+            raise InvalidTask(f'-o {outputs[0]}: expected none for a plan with {len(found.stages)} '
+                              'stages, each has a report')
+        reports = [*_stages_proved(dlo, found).values()]
+    else:
+        reports = [_proved(dlo, found)]
+        write(reports[0], outputs)
+    if not all(report.safe for report in reports):
         raise SystemExit(NO_SOLUTION)
 
 
@@ -330,6 +338,9 @@ def _finish(dlo: Described, found: Plan, prove: bool, outputs: Iterable[Path]) -
     if not prove:
         write(found, outputs, obstacles=dlo.direct.obstacles)
         return
+    if found.events:
+        _finish_stages(dlo, found, outputs)
+        return
     report = _proved(dlo, found)
     if not report.safe or report.trajectory is None:
         click.echo('nothing was written: the motion is not safe', err=True)
@@ -347,12 +358,42 @@ def _finish(dlo: Described, found: Plan, prove: bool, outputs: Iterable[Path]) -
             write(report.trajectory, [path], rate=dlo.values['execute.rate'])
 
 
-def _proved(dlo: Described, found: Plan) -> ValidationReport:
+def _finish_stages(dlo: Described, found: Plan, outputs: Iterable[Path]) -> None:
+    """Prove a Plan whose stages are held differently, and write it, and the motion of each."""
+    reports = _stages_proved(dlo, found)
+    if not all(report.safe for report in reports.values()):
+        click.echo('nothing was written: the motion is not safe', err=True)
+        raise SystemExit(NO_SOLUTION)
+    for path in outputs:
+        if path.suffix.lower() in ('.npz', *PICTURES, *FILMS):
+            write(found, [path], obstacles=dlo.direct.obstacles)
+            continue
+        for k, report in reports.items():
+            assert report.trajectory is not None  # it is safe
+            write(report.trajectory, [path.with_stem(f'{path.stem}_{k + 1}')],
+                  rate=dlo.values['execute.rate'])
+
+
+def _stages_proved(dlo: Described, found: Plan) -> dict[int, ValidationReport]:
+    """Replay each stage of a Plan that moves, say it, and return the reports by their indices."""
+    reports = dict[int, ValidationReport]()
+    for k, stage in enumerate(found.stage_plans):
+        for event in (one for one in found.events if one.stage == k):
+            click.echo(f'{event}')
+        click.echo(f'{found.stages[k].name}:')
+        if stage.arms:
+            reports[k] = _proved(dlo, stage, stage.shapes[0])
+            if not reports[k].safe:
+                break
+    return reports
+
+
+def _proved(dlo: Described, found: Plan, initial: Shape | None = None) -> ValidationReport:
     """Replay a Plan and say the ValidationReport."""
     values, direct = dlo.values, dlo.direct
     with Bar('steps') as bar:
         report = replayed(direct, found, obstacles=direct.obstacles, limits=limits_of(values),
-                          tolerance=tolerance_of(values), progress=bar,
+                          tolerance=tolerance_of(values), progress=bar, initial=initial,
                           workspace=inverse_of(values, direct).workspace,
                           deadline=values['threading.deadline'])
     click.echo(report.summary())

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a shape answers to its gripper and to what else holds it: see `minimize.response`."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.modes import linearize
 from dlo_planner.direct.search import evaluated
 from dlo_planner.direct.shape import Shape
@@ -15,6 +17,8 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import forward_kinematics
 from dlo_planner.minimize.response import (
     add_slip,
+    hanging_answers,
+    hanging_slopes,
     hold_answers,
     node_twists,
     strain_answers,
@@ -152,3 +156,39 @@ class Sensitivity:
                            positions, np.empty((len(strains), 7)))
         return replace(shape, gripper=gripper, frames=rotations, element_strains=strains,
                        positions=positions + gripper.position)
+
+
+class HangingSensitivities:
+    """The same of n Shapes that hang freely on one mesh, at once: of strains, by turns and loads.
+
+    `Sensitivity` makes a Problem of each of them; that takes ten times longer than its answers.
+    """
+
+    def __init__(self, mesh: Discretization, shapes: Sequence[Shape]) -> None:
+        self.mesh = mesh
+        self.strains = np.array([shape.element_strains for shape in shapes])
+        self.grippers = np.array([shape.gripper.rotation for shape in shapes])
+        self._q = np.array([mesh.unknowns(strains) for strains in self.strains])
+
+    @staticmethod
+    def mesh_of(shapes: Sequence[Shape]) -> Discretization | None:
+        """Return the mesh on which all of some Shapes hang freely in a clamp; None: they do not."""
+        mesh = shapes[0].state.mesh
+        if mesh is None or mesh.surroundings.has_moments or mesh.surroundings.pinned:
+            return None
+        hang = all(shape.state.mesh is mesh and not shape.holds
+                   and (mesh.hangs or shape.state.culled) for shape in shapes)
+        return mesh if hang else None
+
+    def answers(self, slopes: Floats) -> tuple[Floats, Floats]:
+        """Return changes of strains by the grippers' turns (n, 3, N, 3), and by slopes, as those.
+
+        Shapes: slopes (n, k, N, 3) of the potential by the strains, J m.
+        """
+        found = hanging_answers(self.mesh.free, self.grippers, self._q, slopes)
+        return found[:, :3], found[:, 3:]
+
+    def slope_of(self, more: Floats | float = 0.0, **fields: Floats) -> Floats:
+        """Return (n, N, 3) what `Sensitivity.slope_of` does of each."""
+        system = self.mesh.free._replace(basis=np.zeros((3, 0, 0)), **fields)
+        return hanging_slopes(system, self.grippers, self.strains + more)

@@ -321,6 +321,44 @@ def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, hessian: Fl
 
 
 @kernel
+def sheet_distance(scene: Scene, o: int, x: Floats) -> float:
+    """Return `signed_distance` of the world point x (3,) from a layer of a sheet, in m, alone.
+
+    Derivatives take most of the time of that, and searches look at millions of points.
+    """
+    axes, center, half = scene.axes[o], scene.center[o], scene.size[o, 0]
+    u, v, w = x[0] - center[0], x[1] - center[1], x[2] - center[2]
+    height = axes[0, 0] * u + axes[1, 0] * v + axes[2, 0] * w
+    y = axes[0, 1] * u + axes[1, 1] * v + axes[2, 1] * w
+    z = axes[0, 2] * u + axes[1, 2] * v + axes[2, 2] * w
+    a = _outside(y, z, scene.size[o, 1], scene.size[o, 2])
+    for hole in range(scene.hole_of.size):
+        if scene.hole_of[hole] != o:
+            continue
+        away_y, away_z = y - scene.hole_center[hole, 0], z - scene.hole_center[hole, 1]
+        size = scene.hole_size[hole, 0]
+        if scene.hole_size[hole, 1] < 0:
+            a = max(a, size - np.sqrt(away_y * away_y + away_z * away_z))
+        else:
+            c, s = scene.hole_axis[hole, 0], scene.hole_axis[hole, 1]
+            a = max(a, -_outside(c * away_y + s * away_z, c * away_z - s * away_y, size,
+                                 scene.hole_size[hole, 1]))
+    b = abs(height) - half
+    if a <= 0.0 and abs(height + half) <= 2.0 * half:  # with the layer below
+        b = abs(height + half) - 2.0 * half
+    if a > 0.0 and b > 0.0:
+        return np.sqrt(a * a + b * b)
+    return max(a, b)
+
+
+@kernel(forceinline=True)
+def _outside(y, z, half_y, half_z):
+    """Return the signed distance of (y, z) from a rectangle."""
+    b, c = abs(y) - half_y, abs(z) - half_z
+    return np.sqrt(b * b + c * c) if b > 0.0 and c > 0.0 else max(b, c)
+
+
+@kernel
 def is_convex(scene, o):
     """Return whether all of body `o` is behind the plane that touches it at its nearest point."""
     return scene.kind[o] != SHEET and scene.kind[o] != MESH

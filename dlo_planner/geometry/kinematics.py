@@ -325,6 +325,23 @@ def point_inside(lengths: Floats, strains: Floats, rotations: Floats, positions:
 
 
 @kernel
+def points_inside(lengths: Floats, strains: Floats, rotations: Floats, positions: Floats,
+                  elements: Ints, fractions: Floats) -> tuple[Floats, Floats]:
+    """Return axes (n, m, 3, 3) and positions (n, m, 3), m, of n shapes at fractions of elements.
+
+    Shapes: strains (n, N, 3), rotations (n, N + 1, 3, 3), positions (n, N + 1, 3); elements and
+    fractions (m,).
+    """
+    n, count = strains.shape[0], elements.size
+    axes, places = np.empty((n, count, 3, 3)), np.empty((n, count, 3))
+    for j in range(n):
+        for k in range(count):
+            point_inside(lengths, strains[j], rotations[j], positions[j], elements[k], fractions[k],
+                         axes[j, k], places[j, k])
+    return axes, places
+
+
+@kernel
 def frame_along(nodes: Floats, strains: Floats, rotations: Floats, positions: Floats,
                 s: float) -> tuple[Floats, Floats]:
     """Return rotation (3, 3) and position (3,) at arc length `s`, on its exact arc.

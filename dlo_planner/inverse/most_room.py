@@ -21,9 +21,9 @@ import numpy as np
 from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.gap import gap_at, node_range, radius_at, stretch, taper
-from dlo_planner.energy.scene import FACE, Scene
+from dlo_planner.energy.scene import AXIS, FACE, Scene, sheet_distance
 from dlo_planner.errors import Infeasible
-from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.geometry.kinematics import point_inside, points_inside
 from dlo_planner.geometry.so3 import (
     applied,
     inner,
@@ -32,6 +32,7 @@ from dlo_planner.geometry.so3 import (
     plus,
     put_matrix,
     put_vector,
+    rotation_and_chord,
     times,
     transposed_applied,
     vector,
@@ -66,6 +67,7 @@ _FARTHEST = 0.5     # rad, about: the gripper turns no farther between two depth
 _SHIFT = 0.3        # and shifts no farther, of the length
 _MOST = 400         # shapes at a depth: those of the largest margin
 _STARTS = 24        # shapes at the first depth that are tried as the beginning of a way
+_AT_ONCE = 128      # shapes whose misses are found between two looks at the deadline: 10 ms
 _FIRM = (3.0, 0.3, 0.0)  # weights of smoothness, in turn: features of 8 depths go, of 4, none
 
 
@@ -79,7 +81,7 @@ def best_rating(simulator: DirectSimulator, uncertainty: Uncertainty | None, roo
     if hanging is None:
         return 1.0
     uncertain = uncertain_state(simulator.surroundings, uncertainty)
-    expected = expected_misses(uncertain, hanging, simulator.rod.length - depths)
+    expected, = expected_misses(uncertain, [hanging], simulator.rod.length - depths)
     return float(rating(np.full(len(depths), room), room - DEVIATIONS * expected, room).min())
 
 
@@ -222,31 +224,28 @@ class NoRoom(NamedTuple):
 
 
 class RoomSearch:
-    """Looks for ways of a DLO through any hole, at depths (K,), m: its shapes are found once.
+    """Looks for ways of a DLO through any hole, at depths (K,), m: its shapes are found once."""
 
-    Unless `rated`, no miss is expected: that is quicker where only whether there is a way counts.
-    """
-
-    def __init__(self, simulator: DirectSimulator, demands: Judge, depths: Floats,
-                 rated: bool = True) -> None:
+    def __init__(self, simulator: DirectSimulator, demands: Judge, depths: Floats) -> None:
         self.simulator, self.demands, self.depths = simulator, demands, depths
         self.round = is_axisymmetric(simulator.rod)  # a roll of the gripper makes no difference
         found = reachable_shapes(simulator, max(demands.stability, 0.0), demands.progress.check)
         self.shapes = None if found is None else found.chosen(np.array([
             violated(demands.bend_margins(shape)) is None for shape in found.shapes]))
-        self._uncertain = uncertain_state(simulator.surroundings, demands.uncertainty if rated
-                                          else Uncertainty())
+        self._uncertain = uncertain_state(simulator.surroundings, demands.uncertainty)
         self._misses: dict[int, Floats] = {}
 
     def misses(self, which: Ints, index: int) -> Floats:
         """Return the expected misses (m,) of some shapes at one of the depths, m."""
         if not self._uncertain.size or self.shapes is None:
             return np.zeros(len(which))
-        length = self.simulator.rod.length
-        for k in {*which.tolist()} - self._misses.keys():
+        missing = [k for k in dict.fromkeys(which.tolist()) if k not in self._misses]
+        for begin in range(0, len(missing), _AT_ONCE):
             self.demands.progress.check()
-            self._misses[k] = expected_misses(self._uncertain, self.shapes.shapes[k],
-                                              length - self.depths)
+            some = missing[begin:begin + _AT_ONCE]
+            self._misses.update(zip(some, expected_misses(
+                self._uncertain, [self.shapes.shapes[k] for k in some],
+                self.simulator.rod.length - self.depths), strict=True))
         return np.array([self._misses[k][index] for k in which.tolist()])
 
     def misses_at(self, which: Ints, s: Floats) -> Floats:
@@ -259,14 +258,15 @@ class RoomSearch:
         return np.array([np.interp(one, arcs, self._misses[k][::-1]) if k in self._misses else 0.0
                          for k, one in zip(which.tolist(), s.tolist(), strict=True)])
 
-    def way(self, task: Threading, most: float) -> RoomyWay | NoRoom:
+    def way(self, task: Threading, most: float, rated: bool = True) -> RoomyWay | NoRoom:
         """Return the way of the largest margins through the hole of a Threading, or why not.
 
-        `most`: largest angle at which the DLO may pass, rad.
+        `most`: largest angle at which the DLO may pass, rad. Unless `rated`, no miss is expected:
+        that is quicker where only whether there is a way counts.
         """
         if upright_room(task.cutouts[0], self.demands.surface) <= 0:
             return NoRoom(float(self.depths[0]), 'the hole is no wider than the DLO')
-        return self.through(task, lambda shapes: _passages(self, shapes, task, most),
+        return self.through(task, lambda shapes: _passages(self, shapes, task, most, rated),
                             'this hole' if most >= 0.5 * np.pi else
                             'this hole within max_misalignment')
 
@@ -365,9 +365,9 @@ def _cheapest(grippers: Floats, places: Floats, others: Floats, there: Floats, c
     return out, best
 
 
-def _passages(search: RoomSearch, shapes: Reachable, task: Threading,
-              most: float) -> Iterator[Passage]:
-    """Yield the Passage at each depth, obliquely by `most` at most, rad."""
+def _passages(search: RoomSearch, shapes: Reachable, task: Threading, most: float,
+              rated: bool) -> Iterator[Passage]:
+    """Yield the Passage at each depth, obliquely by `most` at most, rad; see `RoomSearch.way`."""
     cutout, demands, lengths = task.cutouts[0], task.demands, np.diff(shapes.s)
     sheet = sheet_of(cutout, float(shapes.s[-1]), demands.obstacles)
     assert sheet is not None  # it has a size
@@ -378,17 +378,19 @@ def _passages(search: RoomSearch, shapes: Reachable, task: Threading,
         demands.progress.check()
         element = min(int(shapes.s.searchsorted(s, side='right')) - 1, lengths.size - 1)
         fraction = float((s - shapes.s[element]) / lengths[element])
-        axes, places = _points(lengths, shapes.strains, shapes.frames, shapes.positions, element,
-                               fraction)
+        axes, places = (found[:, 0] for found in points_inside(
+            lengths, shapes.strains, shapes.frames, shapes.positions, np.array([element]),
+            np.array([fraction])))
         turns = _turns(axes[:, :, 0], normal, shapes.up, search.round)
         rooms = _rooms(scene, normal, center, lengths, shapes.strains, shapes.frames,
                        shapes.positions, element, fraction, axes, places, turns,
                        np.cos(most) if most < 0.5 * np.pi else 0.0, _LEAST * full, _STEP * full)
         which, heading = np.nonzero(rooms > 0)
         turned, room = turns[which, heading], rooms[which, heading]
+        misses = search.misses(which, index) if rated else np.zeros(len(which))
         passage = Passage(which, turned @ shapes.frames[which, 0],
                           -np.einsum('kij,kj->ki', turned, places[which]),
-                          rating(room, room - DEVIATIONS * search.misses(which, index), full))
+                          rating(room, room - DEVIATIONS * misses, full))
         yield passage.best()
 
 
@@ -402,18 +404,6 @@ def _turns(tangents: Floats, normal: Floats, up: Floats, round_: bool) -> Floats
     if turns.shape[1] > 1:
         return turns[:, :1] if round_ else turns
     return np.concatenate([turns, turned_by(np.pi * up) @ turns], axis=1)
-
-
-@kernel
-def _points(lengths: Floats, strains: Floats, frames: Floats, positions: Floats, element: int,
-            fraction: float) -> tuple[Floats, Floats]:
-    """Return axes (n, 3, 3) and places (n, 3), m, in an element of n shapes."""
-    n = strains.shape[0]
-    axes, places = np.empty((n, 3, 3)), np.empty((n, 3))
-    for i in range(n):
-        point_inside(lengths, strains[i], frames[i], positions[i], element, fraction, axes[i],
-                     places[i])
-    return axes, places
 
 
 @kernel
@@ -462,6 +452,8 @@ def _least_room(scene: Scene, lengths: Floats, strains: Floats, frames: Floats, 
     smaller one is as far ahead as this gap exceeds the least. Faces of strips are not looked at.
     """
     room, turned = np.inf, matrix(turn)
+    shift, held = minus(vector(center), applied(turned, vector(place))), np.empty((3, 3))
+    there = plus(shift, vector(scene.origin))
     x, frame, offset = np.empty(3), np.empty((3, 3)), np.empty(2)
     point, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
     for o in range(scene.kind.size):
@@ -471,12 +463,18 @@ def _least_room(scene: Scene, lengths: Floats, strains: Floats, frames: Floats, 
         # in the hole first: where the gap is small, far points need no look
         e, share, ahead = min(max(element, first), last - 1), fraction, -1.0
         while room > enough:
-            point_inside(lengths, strains, frames, positions, e, share, frame, x)
-            put_vector(plus(applied(turned, minus(vector(x), vector(place))), vector(center)), x)
-            put_matrix(times(turned, matrix(frame)), frame)
-            offset[0], offset[1] = scene.offset[o, 0], scene.offset[o, 1]
-            gap = gap_at(scene, o, frame, x, radius_at(scene, o, e, share), offset, point, normal,
-                         hessian)
+            radius = radius_at(scene, o, e, share)
+            if scene.feature[o] == AXIS:
+                h, bent, begin = share * lengths[e], strains[e], vector(positions[e])
+                _, chord = rotation_and_chord(h * bent[0], h * bent[1], h * bent[2], h)
+                inside = plus(begin, applied(matrix(frames[e]), chord))
+                put_vector(plus(applied(turned, inside), there), x)
+                gap = sheet_distance(scene, o, x) - radius
+            else:
+                point_inside(lengths, strains, frames, positions, e, share, held, x)
+                put_vector(plus(applied(turned, vector(x)), shift), x)
+                put_matrix(times(turned, matrix(held)), frame)
+                gap = gap_at(scene, o, frame, x, radius, offset, point, normal, hessian)
             room = min(room, gap)
             if ahead < 0.0:
                 e, ahead = first, 0.0

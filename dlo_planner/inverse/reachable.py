@@ -17,8 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dlo_planner.direct.continuation import follow
+from dlo_planner.direct.sensitivity import HangingSensitivities
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.statics import StepInputs, step
+from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed
 from dlo_planner.inverse.equilibria import (
     HangingShapes,
     common_axis,
@@ -26,7 +30,9 @@ from dlo_planner.inverse.equilibria import (
     is_axisymmetric,
     sphere,
 )
+from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Bools, Floats, Ints
+from dlo_planner.model.holds import Holds
 from dlo_planner.model.pose import Pose, turned_by
 
 _ELEMENTS = 64           # of each shape: a search is as exact as its grid
@@ -106,11 +112,57 @@ def _is_good(shape: Shape, stability: float) -> bool:
     return shape.converged and not shape.jumped and shape.stability > stability
 
 
+class _Steps:
+    """Steps of a DLO that hangs freely, each begun where it comes to by its sensitivity.
+
+    From where it hung before, turned along, the first step of Newton's method on a soft DLO goes so
+    far that following it would halve the step.
+    """
+
+    def __init__(self, simulator: DirectSimulator) -> None:
+        self._mesh = simulator.mesh
+        self._before: Shape | None = None
+        self._turned: Floats | None = None  # (3, N, 3) change of its strains by its gripper's turns
+
+    def __call__(self, gripper: Pose, before: Shape, holds: Holds = (),
+                 most: float = np.inf) -> Shape:
+        """Return the Shape of a step; for `follow`."""
+        if before is not self._before:
+            self._before, mesh = before, HangingSensitivities.mesh_of([before])
+            self._turned = None if mesh is None else HangingSensitivities(mesh, [before]).answers(
+                np.zeros((1, 0, *before.element_strains.shape)))[0][0]
+        start = None if self._turned is None else _predicted(
+            self._turned, before.element_strains, before.gripper.rotation, gripper.rotation)
+        return step(self._mesh, gripper, before, StepInputs(holds=holds, most=most), start)
+
+    def followed(self, before: Shape, gripper: Pose) -> Shape:
+        """Return the Shape in another gripper; it has `jumped` where the DLO falls on the way."""
+        return follow(self, before, gripper)
+
+
+@kernel
+def _predicted(turned: Floats, strains: Floats, before: Floats, after: Floats) -> Floats:
+    """Return strains (N, 3) in a gripper that turns from `before` to `after`, (3, 3), in the world.
+
+    Args:
+        turned: (3, N, 3) changes by that turn
+        strains: (N, 3), before, after: read-only
+    """
+    x, y, z = rotation_vector(times_transposed(matrix(after), matrix(before)))
+    out = np.empty(strains.shape)
+    for e in range(strains.shape[0]):
+        for i in range(3):
+            out[e, i] = (strains[e, i] + x * turned[0, e, i] + y * turned[1, e, i]
+                         + z * turned[2, e, i])
+    return out
+
+
 def _arc(simulator: DirectSimulator, up: Floats, stability: float,
          check: Callable[[], None]) -> tuple[list[Shape], Ints]:
     """Return the shapes of a round straight DLO as its gripper rises from straight down."""
     hanging = _downwards(up)
     axis, angle, shape = hanging[:, 1], 0.0, simulator.solve(_held(hanging))
+    steps = _Steps(simulator)
     shapes: list[Shape] = []
     while _is_good(shape, stability):
         shapes.append(shape)
@@ -119,8 +171,7 @@ def _arc(simulator: DirectSimulator, up: Floats, stability: float,
             further = angle + _ARC / 2**halving
             if further > 2 * np.pi:
                 return shapes, _chain(len(shapes))
-            shape = simulator.track([_held(turned_by(-further * axis) @ hanging)],
-                                    initial=shapes[-1])[0]
+            shape = steps.followed(shapes[-1], _held(turned_by(-further * axis) @ hanging))
             if _is_good(shape, stability):
                 angle = further
                 break
@@ -145,7 +196,7 @@ def _flood(simulator: DirectSimulator, up: Floats, stability: float,
     found = {first: simulator.solve(_held(grippers[first]))}
     if not _is_good(found[first], stability):
         return [], edges[:0]
-    waiting = deque([first])
+    waiting, steps = deque([first]), _Steps(simulator)
     while waiting:
         one = waiting.popleft()
         check()
@@ -155,8 +206,7 @@ def _flood(simulator: DirectSimulator, up: Floats, stability: float,
             # of all headings the one that turns the gripper least
             turn = grippers[other] @ found[one].gripper.rotation.T
             heading = np.arctan2(up @ _twist(turn), np.trace(turn) - up @ turn @ up)
-            shape = simulator.track([_held(turned_by(-heading * up) @ grippers[other])],
-                                    initial=found[one])[0]
+            shape = steps.followed(found[one], _held(turned_by(-heading * up) @ grippers[other]))
             if _is_good(shape, stability):
                 found[other] = shape
                 waiting.append(other)

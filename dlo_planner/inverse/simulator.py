@@ -485,7 +485,10 @@ class InverseSimulator(Value):
         Infeasible
             The DLO does not follow; the waypoint is the one to which the gripper is going.
         """
-        return kept_between(plan, self.demands(plan, Progress(progress, deadline)))
+        steps = Progress(progress, deadline)
+        for stage in plan.stage_plans if instance('plan', plan, Plan).events else (plan,):
+            kept_between(stage, self.demands(stage, steps))
+        return plan
 
     def demands(self, plan: Plan, progress: Progress | None = None,
                 requirements: Requirements | None = None) -> Judge:

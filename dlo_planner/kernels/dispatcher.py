@@ -34,6 +34,7 @@ from numba.core.registry import CPUDispatcher
 
 from dlo_planner.kernels import files
 from dlo_planner.kernels.fingerprint import Unseen, fingerprint
+from dlo_planner.kernels.references import KernelCompiler
 
 _OPTIONS = {'nopython': True, 'boundscheck': None}  # those of numba.njit
 _SMALL = 100  # instructions of a kernel that is copied; LLVM inlines up to about 50
@@ -137,7 +138,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba is not annotated
     def of(cls, function: Callable[..., Any], options: dict[str, Any]) -> Kernel:
         """Return the kernel of a function, with numba's options."""
         kernel = cls(function, targetoptions=_OPTIONS | options | {
-            'no_cpython_wrapper': True, 'no_cfunc_wrapper': True})
+            'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}, pipeline_class=KernelCompiler)
         kernel._cache = KernelCache(kernel, units_only=True)
         return kernel
 

@@ -45,7 +45,7 @@ _DAY = 86400.0  # s, after which a file is marked as used again
 # Settings of numba that change what it compiles.
 _SETTINGS = ('BOUNDSCHECK', 'DEBUGINFO_DEFAULT', 'EXTEND_VARIABLE_LIFETIMES', 'LOOP_VECTORIZE',
              'SLP_VECTORIZE', 'USING_SVML')
-_COMPILER = 'dispatcher.py'
+_COMPILER = 'dispatcher.py', 'references.py'
 
 
 class Key(NamedTuple):
@@ -115,7 +115,8 @@ def environment() -> tuple[Any, ...]:
     numpy = np.__version__.split('.')[:2]
     settings = [(name, repr(getattr(numba.config, name, None))) for name in _SETTINGS]
     optimized = str(getattr(numba.config.OPT, '_raw_value', numba.config.OPT))
-    return (_digest(get_data(__package__, _COMPILER)), sys.implementation.cache_tag,
+    written = b''.join(get_data(__package__, name) or b'' for name in _COMPILER)
+    return (_digest(written), sys.implementation.cache_tag,
             getattr(sys, 'abiflags', ''), numba.__version__, llvmlite.__version__, *numpy,
             optimized, *settings)
 

@@ -170,8 +170,17 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
             return state, residual, stability, steps, kicks, system, violation
         set_reaction(hold, first)
         kicks = 0  # what falls through obstacles falls nowhere
+    # (a DLO that is set down has no way along which it could have rubbed; what moves or is held has
+    # more to obey; between few points a series waves, and relaxation is as quick)
+    may_flow = not (on_a_way or past.shape[0] == 0 or has_inertia(system.effects.anchor)
+                    or row_count(system.needs.border) > 0)
     while max_iterations > 0:
-        if seeks and not on_a_way:
+        many = _bearing(there.effects.contact.contacts) >= _MANY
+        flows = (may_flow and not tried and attempt == (0 if many else _TRIES)
+                 and (many or system.basis.shape[1] == 0))
+        # (what lies on many points hardly ever goes on bearing by the same ones, and to exchange
+        # them one by one takes the time of many steps of the flow)
+        if seeks and not on_a_way and not (flows and many):
             reaction = reaction_of(hold, row_count(system.needs.border))
             aim = _STIFF * exact if attempt == len(_ROUGH) else exact
             rests, state, residual, stability, moves, loaded, violation = _at_once(
@@ -202,13 +211,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
                 set_reaction(hold, reaction)
         if steps >= max_iterations or attempt >= len(_ROUGH) or interrupted():
             break
-        # (a DLO that is set down has no way along which it could have rubbed; what moves or is
-        # held has more to obey; between few points a series waves, and relaxation is as quick)
-        many = _bearing(there.effects.contact.contacts) >= _MANY
-        if attempt == (0 if many else _TRIES) and not (
-                on_a_way or tried or past.shape[0] == 0 or has_inertia(system.effects.anchor)
-                or row_count(system.needs.border) > 0
-                or system.basis.shape[1] > 0 and not many):
+        if flows:
             reaction = reaction_of(hold, row_count(system.needs.border))
             rests, state, residual, stability, moves, falls, loaded, violation = _settled(
                 there, begin, past, tolerance, exact, max_iterations - steps, check, beside)

@@ -114,11 +114,14 @@ def with_bodies(system: Problem, bodies: Ints) -> Problem:
 def _part(scene: Scene, bodies: Ints, number: Ints) -> Scene:
     """Return the Scene of some bodies; `number` (M,) is what each is there, -1: left out."""
     holes = np.flatnonzero(number[scene.hole_of] >= 0)
-    return replaced(
+    # (in two calls: Python passes more than thirty arguments as a tuple, of which numba up to 0.62
+    # does not see the names)
+    some = replaced(
         scene, 'source', scene.source[bodies], 'kind', scene.kind[bodies],
         'axes', scene.axes[bodies], 'center', scene.center[bodies], 'size', scene.size[bodies],
-        'friction', scene.friction[bodies], 'hole_of', number[scene.hole_of[holes]],
-        'hole_center', scene.hole_center[holes], 'hole_axis', scene.hole_axis[holes],
+        'friction', scene.friction[bodies], 'hole_of', number[scene.hole_of[holes]])
+    return replaced(
+        some, 'hole_center', scene.hole_center[holes], 'hole_axis', scene.hole_axis[holes],
         'hole_size', scene.hole_size[holes], 'feature', scene.feature[bodies],
         'offset', scene.offset[bodies], 'rounding', scene.rounding[bodies],
         'span', scene.span[bodies], 'inner', scene.inner[bodies], 'root', scene.root[bodies],

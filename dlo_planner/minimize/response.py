@@ -18,6 +18,7 @@ from dlo_planner.energy.problem import (
     Problem,
     new_configuration,
     unknown_count,
+    with_gripper,
 )
 from dlo_planner.energy.terms import constraint_jacobian, row_count
 from dlo_planner.geometry.kinematics import part_of_element, point_inside, put_own_twist
@@ -75,6 +76,52 @@ def gripper_answers(system: Problem, q: Floats) -> tuple[Configuration, Floats, 
         project(system.basis, -hessian.cross[:, :, column], load)
         solve_held(system, hessian, load, moved[:, column].copy(), answers[column], reaction)
     return state, answers, hessian
+
+
+@kernel
+def hanging_answers(system: Problem, grippers: Floats, q: Floats, slopes: Floats) -> Floats:
+    """Return (n, 3 + k, N, 3) how the strains of n shapes that hang freely answer, 1/m.
+
+    To the turns of each one's gripper, then to slopes (n, k, N, 3) of the potential by them.
+
+    Args:
+        grippers: (n, 3, 3) rotations
+        q: (n, m, 3) the equilibria
+    """
+    count, size = slopes.shape[1], slopes.shape[2]
+    out = np.empty((q.shape[0], 3 + count, size, 3))
+    scale = system.scale
+    for j in range(q.shape[0]):
+        held = with_gripper(system, grippers[j], system.origin)
+        _, answers, hessian = gripper_answers(held, q[j])
+        for column in range(3):
+            for e in range(size):
+                x, y, z = value_at(system.basis, answers[column], e)
+                out[j, column, e, 0], out[j, column, e, 1], out[j, column, e, 2] = (
+                    scale[e, 0] * x, scale[e, 1] * y, scale[e, 2] * z)
+        out[j, 3:] = strain_answers(held, hessian, slopes[j])
+    return out
+
+
+@kernel
+def hanging_slopes(system: Problem, grippers: Floats, strains: Floats) -> Floats:
+    """Return (n, N, 3) the potential's slopes by the strains (n, N, 3) of n shapes, J m.
+
+    Args:
+        system: in no basis, so that its unknowns are those of elements
+        grippers: (n, 3, 3) rotations
+    """
+    out, state = np.empty_like(strains), new_configuration(system)
+    for j in range(strains.shape[0]):
+        held = with_gripper(system, grippers[j], system.origin)
+        for e in range(strains.shape[1]):
+            for i in range(3):
+                state.q[e, i] = (strains[j, e, i] - system.natural[e, i]) / system.scale[e, i]
+        evaluate(held, state)
+        for e in range(strains.shape[1]):
+            for i in range(3):
+                out[j, e, i] = state.gradient[e, i] / system.scale[e, i]
+    return out
 
 
 @kernel

@@ -14,10 +14,12 @@ from functools import lru_cache
 import numpy as np
 
 from dlo_planner.direct.grasp import grasped_at
+from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.holds import BORE
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.supports import Surroundings
 from dlo_planner.plan.goals import Through
@@ -73,17 +75,43 @@ def uncertain_state(around: Surroundings, uncertainty: Uncertainty | None) -> Un
         uncertainty, 1 + VARIATION)
 
 
-def expected_misses(uncertain: UncertainState, shape: Shape, s: Floats) -> Floats:
-    """Return (k,) standard deviations (m) of where a Shape passes its points at s (k,), m.
+def expected_misses(uncertain: UncertainState, shapes: Sequence[Shape], s: Floats) -> Floats:
+    """Return (n, k) standard deviations (m) of where n Shapes pass their points at s (k,), m.
 
     Across the DLO, which may pass elsewhere along itself: the root of the sum over both directions.
+    Each hold is off as the gripper is, by an error of its own.
     """
-    if not uncertain.size:
-        return np.zeros(len(s))
+    if not uncertain.size or not shapes:
+        return np.zeros((len(shapes), len(s)))
+    if shapes[0].holds:
+        return np.array([_missed_in_grips(uncertain, shape, s) for shape in shapes])
+    slopes, tangents = uncertain.moved(shapes, s)
+    slopes = slopes * uncertain.deviations
+    along = np.einsum('jki,jkic->jkc', tangents, slopes)
+    result: Floats = np.sqrt(np.maximum((slopes**2).sum(axis=(2, 3)) - (along**2).sum(axis=2), 0.0))
+    return result
+
+
+def _missed_in_grips(uncertain: UncertainState, shape: Shape, s: Floats) -> Floats:
+    """Return (k,) standard deviations (m) as `expected_misses` does, of a Shape that is held."""
     slopes = uncertain.slopes(np.zeros(uncertain.size), shape)(s) * uncertain.deviations
+    slopes = np.concatenate([slopes[:, :, :uncertain.parameters.size],
+                             _by_grips(uncertain.uncertainty, shape, s)], axis=2)
     tangents = np.array([shape.frame_at(one)[0][:, 0] for one in s.tolist()])
     along = np.einsum('ki,kij->kj', tangents, slopes)
     result: Floats = np.sqrt(np.maximum((slopes**2).sum(axis=(1, 2)) - (along**2).sum(axis=1), 0.0))
+    return result
+
+
+def _by_grips(uncertainty: Uncertainty, shape: Shape, s: Floats) -> Floats:
+    """Return (k, 3, 6 + 6 A) deviations (m) of points at s (k,), m, by the errors of all grips.
+
+    They are the same about any axes.
+    """
+    sensitivity = Sensitivity(shape)
+    deviations = np.repeat((uncertainty.gripper_rotation, uncertainty.gripper_position), 3)
+    slopes = np.array([sensitivity.by_grips(one)[3:] for one in s.tolist()])
+    result: Floats = slopes * np.tile(deviations, 1 + len(shape.holds))
     return result
 
 
@@ -92,7 +120,7 @@ def least_margin(uncertainty: Uncertainty | None, shape: Shape, arcs: Sequence[f
     """Return the least margin (m) of a Shape that passes cut-outs at some arc lengths, m.
 
     The clearances are known of each one that it has come to. nan: none of them has a size, the
-    far end is held, the DLO touches something, or the shape comes from a file. Where the gripper
+    DLO is held in a bore or touches something, or the shape comes from a file. Where the gripper
     holds the DLO inside, the part in front of it is what passes.
     """
     if shape.parts is not None:
@@ -101,10 +129,11 @@ def least_margin(uncertainty: Uncertainty | None, shape: Shape, arcs: Sequence[f
     mesh = shape.state.mesh
     sized = [(s, float(min(rooms))) for s, rooms in zip(arcs, clearances, strict=False)
              if min(rooms) < np.inf]
-    if not sized or mesh is None or shape.contacts or shape.holds:
+    if not sized or mesh is None or shape.contacts or any(
+            hold.by == BORE for hold in shape.holds):
         return np.nan
-    misses = expected_misses(uncertain_state(mesh.surroundings, uncertainty), shape,
-                             np.array([s for s, _ in sized]))
+    misses, = expected_misses(uncertain_state(mesh.surroundings, uncertainty), [shape],
+                              np.array([s for s, _ in sized]))
     return min(room - DEVIATIONS * float(miss)
                for (_, room), miss in zip(sized, misses, strict=True))
 

@@ -34,11 +34,13 @@ from dlo_planner.plan.margin import least_margin, rating
 from dlo_planner.plan.path import GripperPath, held_after
 from dlo_planner.plan.stage import (
     GRIPPER,
+    Event,
     Metric,
     Stage,
     Starts,
     checked_starts,
     default_starts,
+    events_of,
     moving,
     shifted_starts,
     wrenches_of,
@@ -285,6 +287,26 @@ class Plan(Filmed):
             for (name, first), end in zip(starts, [*ends, len(self)], strict=True))
 
     @property
+    def events(self) -> tuple[Event, ...]:
+        """What opens and closes between its `stages`, in this order, while all arms stand."""
+        return events_of(self.stages)
+
+    @property
+    def stage_plans(self) -> tuple[Plan, ...]:
+        """Its `stages` as plans of their own, which are timed, replayed and executed one by one."""
+        starts = self.starts or default_starts(self.shapes)
+        firsts = [first for _, first in starts]
+        return tuple(self._part(name, begin, end) for (name, begin), end in zip(
+            starts, [*firsts[1:], len(self)], strict=True))
+
+    def _part(self, name: str, begin: int, end: int) -> Plan:
+        """Return the waypoints from `begin` on, before `end`, as a stage alone."""
+        part = {field: getattr(self, field)[begin:end] for field in PER_WAYPOINT}
+        part['times'] = part['times'] - part['times'][0]
+        return replace(self, **part, starts=((name, 0),), stops=tuple(
+            stop - begin for stop in self.stops if begin < stop < end - 1))
+
+    @property
     def metrics(self) -> tuple[Metric, ...]:
         """What is said of each waypoint, as named figures; those of no waypoint are left out."""
         known = tuple(Metric(name, unit, getattr(self, name), worse)
@@ -410,8 +432,9 @@ class Plan(Filmed):
         """(n,) what is left of the clearance in the cut-outs that the DLO has come to, m.
 
         The least of the `clearances` less two standard deviations of the DLO's miss there, across
-        itself, to first order under the `uncertainty`; below 0 it misses the hole too often. nan
-        where there is no size of a cut-out, or the DLO is held or touches something.
+        itself, to first order under the `uncertainty`; below 0 it misses the hole too often. What
+        else holds the DLO is off as the gripper is, by an error of its own. nan where there is no
+        size of a cut-out, or the DLO is held in a bore or touches something.
         """
         margin = np.array([_margin_at(self, k) for k in range(len(self))])
         freeze(margin)
@@ -564,6 +587,28 @@ def concatenate(one: Plan, other: Plan) -> Plan:
                 known[-1] if known else other.uncertainty, starts,
                 _least(one.wrench_limits, other.wrench_limits), one.plug or other.plug,
                 np.array(plug_wrenches))
+
+
+def in_stages(plans: Sequence[Plan], names: Sequence[str], speeds: tuple[float, float]) -> Plan:
+    """Return one Plan of stages, each held otherwise than the one before it ends, in its shape.
+
+    All arms stop at the end of each; speeds: m/s and rad/s, of open hands too.
+    """
+    columns: dict[str, Any] = {name: [one for plan in plans for one in getattr(plan, name)]
+                               for name in PER_WAYPOINT}
+    firsts = np.cumsum([0, *(len(plan) for plan in plans)]).tolist()
+    stops = {first + stop for plan, first in zip(plans, firsts, strict=False)
+             for stop in plan.stops} | {end - 1 for end in firsts[1:-1]} | set(firsts[1:-1])
+    arms, last = moving(columns['shapes']), plans[-1]
+    for name in ('depths', 'misalignment', 'position_error', 'insertion_force', 'clearance',
+                 'yield_utilization', 'plug_wrenches'):
+        columns[name] = np.array(columns[name])
+    columns['times'] = times_at_speed(columns['grippers'], *speeds, arms.values())
+    columns['clearances'] = padded_clearances(columns['clearances'])
+    return Plan(
+        **columns, sheets=last.sheets, fraction=1.0, status=last.status, stops=tuple(sorted(stops)),
+        uncertainty=last.uncertainty, starts=tuple(zip(names, firsts, strict=False)),
+        wrench_limits=last.wrench_limits)
 
 
 def _least(one: Sequence[float | None],

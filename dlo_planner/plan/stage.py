@@ -3,7 +3,8 @@
 """A stage of a plan: consecutive waypoints at which the same places are held in the same ways.
 
 Some of the holds stand still, others are moved by arms of their own, beside the gripper. All arms
-go by one parameter, the plan's time. Where the DLO is held elsewhere, another stage begins.
+go by one parameter, the plan's time. Where the DLO is held elsewhere, another stage begins: what
+opens and closes there are events.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.statics import between
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, shown
@@ -24,6 +26,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, same
 
 GRIPPER, FAR_END = 'gripper', 'far_end'  # names of arms
+OPEN, CLOSE = 'open', 'close'  # kinds of events
 
 # name of each stage, and the index of its first waypoint
 Starts: TypeAlias = tuple[tuple[str, int], ...]
@@ -36,6 +39,23 @@ class Metric(NamedTuple):
     unit: str
     values: Floats  # (n,), nan where it was not looked at
     worse: int  # 1: a larger one is worse, -1: a smaller one is
+
+
+class Event(NamedTuple):
+    """What a hand does between two stages, while all else stands still."""
+
+    stage: int  # index of the stage that may begin when it has been done
+    kind: str   # 'open' or 'close'
+    hold: Hold  # what it lets go of, or what it holds from then on
+
+    @property
+    def arm(self) -> str:
+        """The name of the arm."""
+        return arm_of(self.hold)
+
+    def __str__(self) -> str:
+        at = 'the tip' if self.hold.s is None else f's = {self.hold.s:.6g} m'
+        return f'{self.kind} {self.arm} at {at}'
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -111,31 +131,72 @@ def arm_of(hold: Hold) -> str:
 def moving(shapes: Sequence[Shape]) -> dict[str, tuple[Pose, ...]]:
     """Return the poses at n Shapes of each hold that is not the same at all, by its arm's name.
 
-    A bore is no arm: its hold turns with the DLO.
+    A bore is no arm: its hold turns with the DLO. A hand with a name of its own may open, and
+    close elsewhere: as long as it is open it goes straight there, and rests before it first
+    closes and when it does not close again.
 
     Raises
     ------
     InvalidTask
-        Two of them have the same name, or one is not there all the time.
+        Two of them have the same name, or one without a name of its own is not there all the time.
     """
     found: dict[str, tuple[Pose, ...]] = {}
     known: dict[tuple[str, float | None], list[Pose]] = {}  # by name and place
-    for shape in shapes:
+    hands: dict[str, list[tuple[int, Pose]]] = {}  # by name, where they hold: waypoint and pose
+    for k, shape in enumerate(shapes):
         for hold in shape.holds:
             if hold.by != BORE:
                 known.setdefault((arm_of(hold), hold.s), []).append(hold.pose)
+            if hold.by not in (BORE, FIXTURE):
+                hands.setdefault(hold.by, []).append((k, hold.pose))
     names = [name for name, _ in known]
     for (name, _), poses in known.items():
-        if all(pose is poses[0] or same(pose, poses[0]) for pose in poses):
+        held = hands.get(name, [])
+        if len({k for k, _ in held}) < len(held):  # two of one name at a time
+            held = []
+        if all(_same_pose(pose, poses[0]) for pose in poses) and (
+                len(poses) == len(shapes) or all(_same_pose(pose, poses[0]) for _, pose in held)):
             continue
-        if len(poses) != len(shapes) or names.count(name) > 1:
+        if held:
+            found[name] = _opening(held, len(shapes))
+        elif len(poses) != len(shapes) or names.count(name) > 1:
             raise InvalidTask(f'Plan.shapes: the hold by {name!r} moves: expected exactly one of '
                               'that name at each waypoint')
+        else:
+            found[name] = tuple(poses)
         if name == GRIPPER:
             raise InvalidTask(f'Plan.shapes: a hold by {name!r} moves: expected another name than '
                               'that of the gripper itself')
-        found[name] = tuple(poses)
     return found
+
+
+def _same_pose(one: Pose, other: Pose) -> bool:
+    return one is other or same(one, other)
+
+
+def _opening(held: Sequence[tuple[int, Pose]], count: int) -> tuple[Pose, ...]:
+    """Return the poses at `count` waypoints of a hand that holds at some of them, in order."""
+    (k, pose), poses = held[0], list[Pose]()
+    poses += [pose] * k
+    for after, there in (*held[1:], (count, None)):
+        poses.append(pose)
+        poses += [pose if there is None else between(pose, there, (j - k) / (after - k))
+                  for j in range(k + 1, after)]
+        if there is not None:
+            k, pose = after, there
+    return tuple(poses)
+
+
+def events_of(stages: Sequence[Stage]) -> tuple[Event, ...]:
+    """Return what opens and closes between Stages: first all that closes, so that nothing falls."""
+    found = list[Event]()
+    for k, (one, other) in enumerate(pairwise(stages), start=1):
+        before, after = one.shapes[-1].holds, other.shapes[0].holds
+        found += [Event(k, kind, hold) for kind, holds, others in (
+            (CLOSE, after, before), (OPEN, before, after)) for hold in holds
+            if hold.by != BORE and not any(hold.s == there.s and hold.grip == there.grip
+                                           and arm_of(hold) == arm_of(there) for there in others)]
+    return tuple(found)
 
 
 def moved_holds(holds: Holds, poses: Mapping[str, Pose]) -> Holds:

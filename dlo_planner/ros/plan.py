@@ -54,7 +54,7 @@ T = TypeVar('T')
 _SERVICES = {'plan': None, 'plan_threading': 'Thread', 'plan_insertion': 'Insert',
              'plan_hold_contact': 'HoldContact', 'plan_slide_contact': 'SlideContact',
              'plan_sequence': 'ThreadSequence'}
-_ASKED = (*_SERVICES, 'plan_two_cutouts', 'replan')
+_ASKED = (*_SERVICES, 'plan_two_cutouts', 'replan', 'next_stage')
 _HEARD = ('task', 'task_goal', 'task_goals')
 _TERMINAL = 'a terminal'  # each command of ros2 is a node of its own
 _BY_DEFAULT: Mapping[str, Any] = {'Thread': {'type': 'Thread'}, 'Insert': {'type': 'Insert'}}
@@ -80,6 +80,7 @@ class PlanningServer(Part):
             node.add_service(GetPlan, f'~/{name}', partial(self._on_plan, name, kind), planning)
         node.add_service(GetPlan, '~/plan_two_cutouts', self._on_plan_two_cutouts, planning)
         node.add_service(Trigger, '~/replan', self._on_replan, planning)
+        node.add_service(Trigger, '~/next_stage', self._on_next_stage, planning)
 
     def cancel(self, reason: str, for_good: bool = False) -> bool:
         """End the plan that is being made; return whether there was one."""
@@ -169,6 +170,33 @@ class PlanningServer(Part):
             self._plan(outcome, state, state.task, state.gripper)
         return response
 
+    def _on_next_stage(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Go on to the next stage of a plan: whoever asks has carried out what comes before."""
+        with self._answering('next_stage', answer=response) as outcome:
+            state = self.store.state
+            made, proof = state.planned, state.proof
+            if made is None or made.whole is None:
+                raise Refused(Cause.NO_PLAN, 'next_stage: expected a plan in stages, as of a '
+                              'ThreadInGrasps; ' + (state.no_plan if made is None else
+                                                    f'this one of a {type(made.task).__name__} '
+                                                    'has one stage'))
+            if proof is None or not proof.safe:
+                raise Refused(Cause.PROOF_PENDING if proof is None else proof.cause,
+                              f'next_stage: {made.whole.stages[made.stage].name} is not proved: '
+                              f'{"" if proof is None else proof.reason}')
+            if made.following is None:
+                raise Refused(Cause.NO_PLAN, 'next_stage: expected nothing more, '
+                              f'{made.whole.stages[made.stage].name} is the last stage')
+            stamp = self.node.get_clock().now().to_msg()
+            following = replace(made.in_stage(made.following), stamp=stamp, asked=outcome.stamp)
+            self._take(following)
+            self.statistics.note({'plan stamp': stamp_text(stamp),
+                                  **proof_figures(Proof(following.plan))})
+            self._prove()
+            outcome.message = f'{len(following.plan)} gripper poses{_stage_said(following)}'
+            outcome.values = {'plan stamp': stamp_text(stamp), **_of_stage(following)}
+        return response
+
     @contextmanager
     def _answering(self, what: str, stamp: Time | None = None,
                    answer: Any = None) -> Iterator[Outcome]:
@@ -209,11 +237,9 @@ class PlanningServer(Part):
                                       held)))
         seconds = monotonic() - begun
         scene, stamp = state.scene, self.node.get_clock().now().to_msg()
-        made = PlanResult(scene, plan, before, stamp, task, outcome.stamp,
-                          askers | self.askers())
-        self.store.change(lambda now: now.with_plan(made))
-        path = tool_path(made)
-        self._out.publish(path)
+        made = PlanResult.of(plan, scene, before, stamp, task, outcome.stamp,
+                             askers | self.askers())
+        path = self._take(made)
         self.markers.show('plan', scene.frame_id, stamp,
                           lambda: plan_primitives(plan, cutouts_of(task)))
         oblique = float(plan.misalignment.max())
@@ -238,12 +264,19 @@ class PlanningServer(Part):
             **{f'plan {name}': value for name, value in figures.items()},
             **proof_figures(Proof(plan))})  # what was said of the plan before is over
         self._prove()
-        outcome.message = f'{len(plan)} gripper poses'
+        outcome.message = f'{len(plan)} gripper poses{_stage_said(made)}'
         outcome.values = {'task': type(task).__name__, 'plan stamp': stamp_text(stamp),
-                          'seconds': seconds, **figures, **_of_plug(plan)}
+                          'seconds': seconds, **figures, **_of_plug(plan), **_of_stage(made)}
         self.status.info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
                          f'largest miss {plan.position_error.max():.1e} m, '
                          f'smallest stability {plan.stability.min():.2f}{said}')
+        return path
+
+    def _take(self, made: PlanResult) -> Path:
+        """Keep a plan, and publish and return its Path."""
+        self.store.change(lambda now: now.with_plan(made))
+        path = tool_path(made)
+        self._out.publish(path)
         return path
 
     def _interruptible(self, deadline: float, make: Callable[[], T]) -> T:
@@ -330,6 +363,30 @@ def _held_same(one: FarEnd | None, other: FarEnd | None) -> bool:
     if one is None or other is None:
         return one is other
     return one.grip == other.grip and _same(one.pose, other.pose)
+
+
+def _stage_said(made: PlanResult) -> str:
+    """Return in words which stage a plan is of, and what is to be done after it; '' of a whole."""
+    if made.whole is None:
+        return ''
+    then = ', then '.join(map(str, made.events)) or 'nothing'
+    return (f', {made.whole.stages[made.stage].name}, stage {made.stage + 1} of '
+            f'{len(made.whole.stages)}; then {then}')
+
+
+def _of_stage(made: PlanResult) -> dict[str, str | int]:
+    """Return which stage a plan is of, and what opens and closes after it; nothing of a whole."""
+    if made.whole is None:
+        return {}
+    values: dict[str, str | int] = {'stage': made.whole.stages[made.stage].name, 'stage number':
+                                    made.stage + 1, 'stages': len(made.whole.stages)}
+    for k, event in enumerate(made.events, start=1):
+        pose = event.hold.pose
+        values |= {f'event {k}': event.kind, f'event {k} arm': event.arm,
+                   f'event {k} s [m]': 'tip' if event.hold.s is None else f'{event.hold.s:.6g}',
+                   f'event {k} pose': ' '.join(f'{one:.6g}' for one in (
+                       *pose.position.tolist(), *pose.quaternion.tolist()))}
+    return values
 
 
 def _of_plug(plan: Plan) -> dict[str, float]:

@@ -23,6 +23,7 @@ from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.path import held_after
 from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.stage import Event
 from dlo_planner.ros.scene import Scene
 from dlo_planner.trajectory.timed_path import TimedPath
 from dlo_planner.verify.report import ValidationReport
@@ -46,6 +47,35 @@ class PlanResult:
     task: Task
     asked: Time           # of the request for it
     askers: frozenset[str] = frozenset()  # the nodes that may have asked for it
+    whole: Plan | None = None  # of which the plan is a stage, where hands open and close between
+    stage: int = 0             # its index
+
+    @classmethod
+    def of(cls, plan: Plan, scene: Scene, before: Shape | None, stamp: Time, task: Task,
+           asked: Time, askers: frozenset[str]) -> PlanResult:
+        """Return a Plan, or its first stage where hands open and close between its stages."""
+        made = cls(scene, plan, before, stamp, task, asked, askers)
+        return made if not plan.events else replace(made, whole=plan).in_stage(0)
+
+    def in_stage(self, index: int) -> PlanResult:
+        """Return another stage of the same plan."""
+        assert self.whole is not None  # it has stages
+        stage = self.whole.stage_plans[index]
+        return replace(self, plan=stage, before=stage.shapes[0], stage=index)
+
+    @property
+    def following(self) -> int | None:
+        """The index of the next stage in which anything moves; None: this is the last one."""
+        stages = () if self.whole is None else self.whole.stage_plans
+        return next((k for k in range(self.stage + 1, len(stages)) if stages[k].arms), None)
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What opens and closes after this stage, in this order, before the following one."""
+        if self.whole is None or self.following is None:
+            return ()
+        return tuple(event for event in self.whole.events
+                     if self.stage < event.stage <= self.following)
 
     def is_as(self, other: PlanResult) -> bool:
         """Whether another plan is as good as the same one: the same way, in the same scene."""
@@ -309,7 +339,8 @@ def ready(state: State, now: float, wanted: Time | None = None,
     if state.planned.plan.shapes[0].holds and held_after(state.planned.plan) is None:
         raise Refused(Cause.FAR_END_HELD, 'the plan is of a DLO that more than the gripper holds, '
                       'whose arms the node does not command: expected another one that executes '
-                      '~/gripper_trajectory_timed')
+                      '~/gripper_trajectory_timed' + ('' if state.planned.whole is None else
+                                                      ', and ~/next_stage when that is done'))
     _heard_lately(state, now)
     assert proof.report is not None and state.feedback is not None
     way, scene = proof.report.trajectory, state.scene

@@ -203,8 +203,8 @@ def _simulator(simulator: Simulator | None, plan: Plan) -> Simulator:
     first, bore = plan.shapes[0], held_after(plan)
     if bore is None and any(not alike(shape.holds, first.holds) for shape in plan.shapes):
         raise InvalidTask('plan: expected one stage, in which the same places are held all the '
-                          f'time, got {len(plan.stages)}; with an infinite tolerance nothing is '
-                          'simulated')
+                          f'time, as one of `stage_plans`, got {len(plan.stages)}; with an '
+                          'infinite tolerance nothing is simulated')
     length = float(first.s[-1]) + (0.0 if first.far_end is None else float(plan.depths[0]))
     at = grasped_at(first)
     if any(grasped_at(shape) != at or shape.far_end is None

@@ -9,7 +9,7 @@ by these; `Unknowns` are those of a fit in units of about one size.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -21,7 +21,7 @@ from scipy.interpolate import make_interp_spline
 
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.sensitivity import HangingSensitivities, Sensitivity
 from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.energy.loads import node_masses
@@ -448,14 +448,49 @@ class ParameterizedMesh:
     def strain_slopes(self, x: Floats, shape: Shape,
                       sensitivity: Sensitivity) -> tuple[Floats, Floats]:
         """Return derivatives by x of the strains (n, N, 3) and of the elements' stretch (n, N)."""
-        parameters = self.parameters
-        system = shape.state.made_on.static
-        stiff = np.diff(shape.s)[:, None] * system.stiffness
-        yields = shape.state.made_on.yields
-        bent = shape.bent if yields else shape.element_strains - system.natural
-        gradients, natural = np.zeros((2, parameters.size, *bent.shape))
+        made_on = shape.state.made_on
+        bent = shape.bent if made_on.yields else shape.element_strains - made_on.natural
+
+        def slope_of(more: Floats | float = 0.0, **fields: Floats) -> Floats:
+            return sensitivity.slope_of(more, **fields)[None]
+
+        (gradients,), strains, stretch = self._causes(x, made_on, bent[None], slope_of)
+        acts = np.flatnonzero(gradients.any(axis=(1, 2)))
+        strains[acts] += sensitivity.strains_by(gradients[acts])
+        return strains, stretch
+
+    def strain_slopes_of(self, x: Floats, shapes: HangingSensitivities
+                         ) -> tuple[Floats, Floats, Floats]:
+        """Return the same (m, n, N, 3), (n, N) of m shapes, and by their grippers' turns, too.
+
+        The latter are (m, 3, N, 3).
+        """
+        gradients, strains, stretch = self._causes(
+            x, shapes.mesh, shapes.strains - shapes.mesh.natural, shapes.slope_of)
+        acts = np.flatnonzero(gradients.any(axis=(0, 2, 3)))
+        turned, answers = shapes.answers(gradients[:, acts])
+        out = np.repeat(strains[None], len(answers), axis=0)
+        out[:, acts] += answers
+        return out, stretch, turned
+
+    def _causes(self, x: Floats, made_on: Discretization, bent: Floats,
+                slope_of: Callable[..., Floats]) -> tuple[Floats, Floats, Floats]:
+        """Return how the potential's slopes by the strains change with x, of m shapes (m, n, N, 3).
+
+        Then by how much strains (n, N, 3) and the elements' stretch (n, N) do so themselves.
+
+        Args:
+            made_on: the mesh of the shapes
+            bent: (m, N, 3) their strains since the stress-free shape, 1/m
+            slope_of: `Sensitivity.slope_of` of all of them, (m, N, 3)
+        """
+        parameters, system, lengths = self.parameters, made_on.static, np.diff(made_on.s)
+        stiff = lengths[:, None] * system.stiffness
+        natural = np.zeros((parameters.size, *stiff.shape))
+        gradients = np.zeros((len(bent), *natural.shape))
         for name, part in STIFFNESS.items():
-            gradients[parameters.columns(name)[0]] = stiff * bent * np.array(part)
+            for column in parameters.columns(name)[0]:
+                gradients[:, column] = stiff * bent * np.array(part)
         for name in STRAINS:
             for column, function, axis in zip(parameters.columns(name)[0],
                                               *parameters.functions(name), strict=True):
@@ -464,37 +499,34 @@ class ParameterizedMesh:
         weights = parameters.mass_factors(x)[:, None, None] * self._weights
         for name, part in MASSES.items():
             for column in parameters.columns(name)[0]:
-                gradients[column] = sensitivity.slope_of(pull=system.pull + np.tensordot(
-                    part, weights, 1)) - sensitivity.slope_of()
-        stretch = np.zeros((parameters.size, len(bent)))
+                gradients[:, column] = slope_of(pull=system.pull + np.tensordot(
+                    part, weights, 1)) - slope_of()
+        stretch = np.zeros((parameters.size, lengths.size))
         for column in parameters.columns('length')[0]:
             by_length = {**self.by_length, 'stiffness': parameters.stiffness_factors(x)
                          * self.by_length['stiffness']}
-            step = 0.1 * _STEP * shape.s[-1]
-            less, more = (sensitivity.slope_of(**{
+            step = 0.1 * _STEP * made_on.s[-1]
+            less, more = (slope_of(**{
                 name: getattr(system, name) + side * step * change
                 for name, change in by_length.items()}) for side in (-1, 1))
-            gradients[column] = (more - less) / (2 * step)
-            stretch[column] = self.by_length['lengths'] / np.diff(shape.s)
+            gradients[:, column] = (more - less) / (2 * step)
+            stretch[column] = self.by_length['lengths'] / lengths
         # what a series cannot tell of a natural strain stays in it (by how little that moves a held
         # end is left out)
         own = np.zeros_like(natural)
         if system.basis.shape[1]:
-            lengths = np.diff(shape.s)[:, None]
-            terms = np.einsum('iej,kei->kji', system.basis, natural / system.scale * lengths)
+            terms = np.einsum('iej,kei->kji', system.basis,
+                              natural / system.scale * lengths[:, None])
             told = np.einsum('iej,kji->kei', system.basis, terms, order='C')
             own = natural - system.scale * told
-        step = _TURN / shape.s[-1]
-        for k in np.flatnonzero(natural.any(axis=(1, 2)) if yields else
+        step = _TURN / made_on.s[-1]
+        for k in np.flatnonzero(natural.any(axis=(1, 2)) if made_on.yields else
                                 np.abs(own).max(axis=(1, 2)) > _TOLD):
-            less, more = (sensitivity.slope_of(
-                side * step * own[k], natural=system.natural + side * step * natural[k])
-                for side in (-1, 1))
-            gradients[k] = (more - less) / (2 * step)
-        acts = np.flatnonzero(gradients.any(axis=(1, 2)))
-        strains = own
-        strains[acts] += sensitivity.strains_by(gradients[acts])
-        return strains, stretch
+            less, more = (slope_of(side * step * own[k],
+                                   natural=system.natural + side * step * natural[k])
+                          for side in (-1, 1))
+            gradients[:, k] = (more - less) / (2 * step)
+        return gradients, own, stretch
 
     def _by_length(self) -> dict[str, Floats]:
         """Return the derivatives of the Problem's fields by the length."""
@@ -514,12 +546,36 @@ class ParameterizedMesh:
 
 def moved_points(shape: Shape, s: Floats, strains: Floats, stretch: Floats) -> Floats:
     """Return how points move (m, 3, k) by changes of strains (k, N, 3) and of stretch (k, N)."""
-    elements = np.clip(np.searchsorted(shape.s, s, side='right') - 1, 0, shape.s.size - 2)
-    fractions = (s - shape.s[elements]) / np.diff(shape.s)[elements]
+    elements, fractions = elements_at(shape.s, s)
     lengths, own, rotations, _ = kernel_arrays(shape)
     # a longer arc of the same curvature: a larger one that turns as much further
     changes = strains + stretch[:, :, None] * own
     return _moved_points(lengths, own, rotations, elements, fractions, changes, stretch)
+
+
+def elements_at(nodes: Floats, s: Floats) -> tuple[Ints, Floats]:
+    """Return the elements (m,) in which arc lengths s (m,) are, and the parts of them before."""
+    elements = np.clip(np.searchsorted(nodes, s, side='right') - 1, 0, nodes.size - 2)
+    return elements, (s - nodes[elements]) / np.diff(nodes)[elements]
+
+
+@kernel
+def moved_points_of(lengths: Floats, strains: Floats, rotations: Floats, elements: Ints,
+                    fractions: Floats, changes: Floats, stretch: Floats) -> Floats:
+    """Return (n, m, 3, k) what `moved_points` does of n shapes.
+
+    Shapes: strains (n, N, 3), rotations (n, N + 1, 3, 3), changes (n, k, N, 3), stretch (k, N).
+    """
+    n, count = changes.shape[0], changes.shape[1]
+    out = np.empty((n, elements.size, 3, count))
+    own = np.empty(changes.shape[1:])
+    for j in range(n):
+        for k in range(count):
+            for e in range(lengths.size):
+                for i in range(3):
+                    own[k, e, i] = changes[j, k, e, i] + stretch[k, e] * strains[j, e, i]
+        out[j] = _moved_points(lengths, strains[j], rotations[j], elements, fractions, own, stretch)
+    return out
 
 
 @kernel

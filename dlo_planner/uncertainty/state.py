@@ -16,9 +16,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.sensitivity import HangingSensitivities, Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.geometry.kinematics import points_inside
 from dlo_planner.geometry.so3 import left_jacobian
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose
@@ -28,7 +29,9 @@ from dlo_planner.uncertainty.parameters import (
     ParameterizedMesh,
     RodParameters,
     Uncertainty,
+    elements_at,
     moved_points,
+    moved_points_of,
     variation_deviations,
 )
 
@@ -191,6 +194,37 @@ class UncertainState(Value):
         bent = np.flatnonzero(strains.any(axis=(1, 2)) | stretch.any(axis=1))
         return PointSlopes(shape, len(strains), bent, strains[bent], stretch[bent], turned, about,
                            placed, frame[:, places])
+
+    def moved(self, shapes: Sequence[Shape], s: Floats) -> tuple[Floats, Floats]:
+        """Return how points of n Shapes, the DLO being as stated, move with z: (n, m, 3, k).
+
+        They are at arc lengths s (m,), m; then the tangents there (n, m, 3). World axes.
+        """
+        stated, mesh = np.zeros(self.size), HangingSensitivities.mesh_of(shapes)
+        if mesh is None:
+            slopes = np.array([self.slopes(stated, shape)(s) for shape in shapes])
+            return slopes, np.array([[shape.frame_at(one)[0][:, 0] for one in s.tolist()]
+                                     for shape in shapes])
+        many, x = HangingSensitivities(mesh, shapes), stated[:self.parameters.size]
+        changes, stretch, by_turns = self.mesh(mesh).strain_slopes_of(x, many)
+        turned, turns = self.columns('gripper_rotation')
+        placed, places = self.columns('gripper_position')
+        about, along = many.grippers[:, :, turns], many.grippers[:, :, places]
+        strains = np.concatenate([changes, np.einsum('jaei,jak->jkei', by_turns, about)], axis=1)
+        lengths, (elements, fractions) = np.diff(mesh.s), elements_at(
+            mesh.s, np.minimum(s, mesh.s[-1]))
+        frames, positions = (np.array([getattr(shape, name) for shape in shapes])
+                             for name in ('frames', 'positions'))
+        moved = moved_points_of(lengths, many.strains, frames, elements, fractions, strains,
+                                np.concatenate([stretch, np.zeros((turned.size, lengths.size))]))
+        axes, points = points_inside(lengths, many.strains, frames, positions, elements, fractions)
+        arms = points - positions[:, :1]
+        out = np.zeros((len(shapes), s.size, 3, self.size))
+        out[..., :x.size] = moved[..., :x.size]
+        out[..., turned] = moved[..., x.size:] + np.cross(
+            about[:, None], arms[..., None], axis=2)
+        out[..., placed] += along[:, None]
+        return out, axes[..., 0]
 
 
 class CameraError(NamedTuple):

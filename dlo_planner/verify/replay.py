@@ -109,6 +109,10 @@ def replay(simulator: DirectSimulator | GraspedInside, plan: Plan, *,
         friction = number('friction', friction, minimum=0)
     if not len(instance('plan', plan, Plan)):
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
+    if plan.events:
+        raise InvalidTask(f'plan has {len(plan.stages)} stages, between which hands open and '
+                          'close: expected one of its `stage_plans`, with its first shape as '
+                          'initial')
     simulator = held_as('simulator', simulator, plan.shapes[0])
     own = _Replay(simulator, plan, items('obstacles', obstacles, OBSTACLES), limits, tolerance,
                   trajectory, workspace, initial, Progress(progress, deadline),

@@ -201,6 +201,7 @@ def _plan_rows(plan: Plan) -> list[Row]:
                  (f'{name}, last', _point(poses[-1].position), 'm')]
     if len(plan.stages) > 1:
         rows.append(('stages', ', '.join(stage.name for stage in plan.stages), ''))
+    rows += [('before ' + plan.stages[event.stage].name, str(event), '') for event in plan.events]
     return rows + [(name, figure(worst), unit) for name, _, worst, unit in plan_columns(plan)]
 
 

@@ -19,6 +19,7 @@ from dlo_planner import (  # noqa: E402  mujoco may be missing
     Cylinder,
     DirectSimulator,
     FarEnd,
+    Hold,
     Hull,
     InvalidTask,
     Mesh,
@@ -396,3 +397,41 @@ def test_a_held_far_end_stays_where_it_is_held(grip):
         Plant(rod, at(), cells=8).move(at(), 0.1, there)
     with pytest.raises(InvalidTask, match='far_end.grip'):
         Plant(rod, at(), far_end=replace(far, grip='sleeve'))
+
+
+def test_hands_close_where_the_dlo_is_and_move_it():
+    feed = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
+    rod = Rod(1.0, 0.05, 0.02, 0.015, radius=2e-3)
+    # in the middle of pieces, which have the direction of the DLO there
+    first = Hold(Pose.looking_along((0.45, 0.0, 0.95), (1.0, 0.0, -0.3)), s=0.5, by='first')
+    direct = DirectSimulator(rod, n_elements=100, basis='local')
+    held = direct.solve(feed, holds=[first])
+    second = Hold(held.at(0.75), s=0.75, by='second')
+    plant = Plant(rod, feed, cells=40, step=2e-3, damping=0.3, hands=[first, second])
+
+    def off(shape):
+        s = np.linspace(0, 1, 21)
+        return np.linalg.norm(plant.points(s) - shape.positions_at(s), axis=1).max()
+
+    def rest(seconds=4.0):
+        for _ in range(int(seconds / 0.02)):
+            plant.move(feed, 0.02)
+
+    assert off(held) < 2e-3
+    assert plant.close(1, second.pose) < 2e-3
+    up = Pose(second.pose.position + [0, 0, 0.03], second.pose.quaternion)
+    for share in np.linspace(0.02, 1, 50):
+        plant.move(feed, 0.02, hands={1: Pose(
+            second.pose.position + [0, 0, 0.03 * share], second.pose.quaternion)})
+    rest()
+    both = direct.track([feed], initial=held, holds=[[first, replace(second, pose=up)]])[0]
+    assert off(both) < 3e-3 and off(held) > 0.02
+    plant.open(0)
+    rest()
+    assert off(direct.track([feed], initial=both, holds=[[replace(second, pose=up)]])[0]) < 4e-3
+    with pytest.raises(InvalidTask, match='hands: 0 is open'):
+        plant.move(feed, 0.02, hands={0: first.pose})
+    with pytest.raises(InvalidTask, match='far_end = .*expected none, the far end is free'):
+        plant.move(feed, 0.02, far_end=up)
+    with pytest.raises(InvalidTask, match='hands: .*expected clamped ones'):
+        Plant(rod, feed, hands=[Hold(first.pose, 'pinned', 0.5)])

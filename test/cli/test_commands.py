@@ -242,6 +242,30 @@ def test_both_ends_are_carried():
     assert refused.exit_code == NO_SOLUTION and 'the DLO would be too short' in refused.output
 
 
+def test_hand_over_hand_each_stage_is_proved_and_written():
+    Path('grasps.yaml').write_text(
+        '{type: ThreadInGrasps, length: 0.2, hold_at: 0.8, cutout: {pose: [0, 0, 1], radius: 0.02}'
+        ', feed: [-0.7, 0, 0.9, 1, 0, -0.5]}', encoding='utf-8')
+    result = run('plan', 'copper_wire', 'grasps.yaml', '--prove', '-o', 'grasps.npz', '-o',
+                 'motion.csv')
+    assert result.exit_code == 0, result.output
+    plan = Plan.load('grasps.npz')
+    assert [stage.name for stage in plan.stages] == [
+        'thread', 'hand over 1', 'second alone 1', 'pull 1']
+    said = [line for line in result.output.splitlines() if line in (
+        'thread:', 'close second at s = 0.9 m', 'hand over 1:', 'open first at s = 0.8 m',
+        'second alone 1:', 'close first at s = 0.75 m', 'pull 1:')]
+    assert len(said) == 7 and said[1].startswith('close') and said[3].startswith('open')
+    assert len(re.findall(r'safe +yes', result.output)) == 3
+    assert [path.name for path in sorted(Path().glob('motion*'))] == [
+        f'motion_{k}.csv' for k in (1, 2, 4)]
+    with Path('motion_4.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[-1]['second x']) - float(rows[0]['second x']) == pytest.approx(0.05, abs=0.02)
+    again = run('replay', 'copper_wire', 'grasps.npz', '-o', 'report.npz')
+    assert again.exit_code != 0 and 'expected none for a plan with 4 stages' in again.output
+
+
 def test_a_plug_is_inserted():
     Path('plug.yaml').write_text(
         '{type: InsertPlug, socket: {position: [-0.2, 0, 0.6], quaternion: [0, 0, 1, 0]}, '

@@ -22,7 +22,14 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.energy import scene as scenes
-from dlo_planner.energy.scene import KINDS, build_scene, is_convex, signed_distance
+from dlo_planner.energy.scene import (
+    KINDS,
+    SHEET,
+    build_scene,
+    is_convex,
+    sheet_distance,
+    signed_distance,
+)
 from dlo_planner.model import obstacles
 from dlo_planner.model.rod import Surface
 
@@ -69,6 +76,18 @@ def test_derivatives_against_differences(index, rng):
         np.testing.assert_allclose(normal, slope, atol=1e-6)
         curved = np.column_stack([(a[1] - b[1]) / (2 * step) for a, b in near])
         np.testing.assert_allclose(bend, curved, atol=2e-4 * max(1, np.abs(bend).max()))
+
+
+@pytest.mark.parametrize('body', np.flatnonzero(SCENE.kind == SHEET))
+def test_the_distance_of_a_sheet_alone(body, rng):
+    normal, bend = np.empty(3), np.empty((3, 3))
+    inside = 0
+    for x in np.vstack([points(rng, 2000), *(one.center + 0.06 * points(rng, 500)
+                                             for one in (ROUND, SQUARE))]):
+        known = signed_distance(SCENE, body, x, normal, bend)
+        assert sheet_distance(SCENE, body, x) == pytest.approx(known, abs=1e-15)
+        inside += known < 0
+    assert inside or SCENE.size[body, 0] == 0
 
 
 def test_each_kind_is_tried_and_has_its_number():

@@ -18,6 +18,7 @@ from dlo_planner import (
     Sheet,
     Thread,
 )
+from dlo_planner.inverse import advice
 from dlo_planner.tasks import Requirements
 
 GRAVITY = (0.0, 0.0, -9.80665)
@@ -94,3 +95,34 @@ def test_a_hole_that_is_narrower_than_the_dlo_is_to_be_larger():
     assert radius > WIRE.radius
     assert 'held' not in advice
     assert len(thread(WIRE, hole(-20, radius))) == 40  # rounded up: 1.5 mm is as wide as the DLO
+
+
+@pytest.mark.parametrize('gap', [0.0, 0.004, 0.05, 0.2])
+@pytest.mark.parametrize('bound', [0.11, 0.3, 0.52, 0.9, 0.999])
+@pytest.mark.parametrize('guess', [0.0, 0.3, 0.95, 7.0])
+def test_a_bound_is_found_from_any_guess(guess, bound, gap):
+    # a search finds a way up to the bound, a plan may need somewhat more
+    tried, looks = [], []
+
+    def passes(x):
+        looks.append(x)
+        return x <= bound
+
+    def planned(x):
+        tried.append(x)
+        return x <= bound - gap
+
+    found = advice._bound(passes, planned, advice._Lever(0.1, 1.0, guess, 0.05, lambda x: 0.02 * x))
+    if bound - gap < 0.1:
+        assert found is None
+        return
+    assert found in tried and planned(found)
+    assert bound - gap - found <= 0.02 * bound + 1e-12
+    assert len(looks) <= 12 and len(tried) <= 11
+    assert min(looks + tried) >= 0.1 and max(looks + tried) < 1.0
+
+
+def test_what_never_passes_has_no_bound():
+    lever = advice._Lever(0.1, 1.0, 0.6, 0.05, lambda x: 0.02 * x)
+    assert advice._bound(lambda x: False, lambda x: True, lever) is None
+    assert advice._bound(lambda x: True, lambda x: False, lever) is None

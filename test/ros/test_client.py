@@ -63,7 +63,7 @@ def test_a_plan_from_where_the_gripper_is_to_where_it_is_asked_for(inside, node,
 
 
 @pytest.mark.parametrize(('ask', 'cause', 'said'), [
-    (lambda robot: robot.plan('{type: Thred}'), 107, 'Thread, ThreadSequence'),
+    (lambda robot: robot.plan('{type: Thred}'), 107, 'Thread, ThreadInGrasps'),
     (lambda robot: robot.plan(TASK, start=Pose((2e3, 0, 0), (0, 0, 0, 1))), 103, 'plan.start'),
     (lambda robot: robot.plan(TASK, tolerance=-1.0), 100, 'plan.tolerance = -1'),
     (lambda robot: robot.plan('{type: Thread, depths: [0, 3]}', goal=GOAL), 100, 'depths'),

@@ -43,9 +43,10 @@ from dlo_planner.inverse.task import Task
 from dlo_planner.penalties import PositionAt
 from dlo_planner.rods import GraspedInside, with_plug
 from dlo_planner.ros.lifecycle import LATCHED
+from dlo_planner.ros.state import Proof
 from dlo_planner.ros.streaming import loop_task_of
 from dlo_planner.settings.tasks import task_to_yaml
-from dlo_planner.tasks import Approach, Carry, InsertPlug, MoveTo, Plug
+from dlo_planner.tasks import Approach, Carry, InsertPlug, MoveTo, Plug, ThreadInGrasps
 from msg_helpers.obstacles import obstacles_msg
 from msg_helpers.poses import pose_stamped_msg
 from msg_helpers.trajectories import poses_from_path
@@ -76,6 +77,8 @@ TASKS = {
     InsertPlug: lambda: InsertPlug(
         HERE.compose(Pose((-0.2, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))),
         Plug(0.05, 0.005, 0.02)),
+    ThreadInGrasps: lambda: ThreadInGrasps(
+        HOLES[0], 0.3, Pose.looking_along((-0.6, 0.0, 0.9), (1.0, 0.0, -0.5)), hold_at=0.8),
     MoveTo: lambda: MoveTo([Pose(HERE.position + np.array([0.0, 0.0, 0.15]), HERE.quaternion)]),
     LayOnLine: lambda: LayOnLine(Pose.looking_along((0.8, 0.0, 0.9), (1.0, 0.2, 0.0)))}
 
@@ -141,13 +144,52 @@ def test_each_task_is_planned_as_the_library_does(inside, node, tell, bar, kind)
     assert values['task'] == kind.__name__
     made, scene = state(node).planned, state(node).scene
     known = InverseSimulator(scene.direct, workspace=scene.workspace).plan(task, start=start)
-    grippers = made.plan.grippers[-len(known):]
+    grippers = (made.whole or made.plan).grippers[-len(known):]
     np.testing.assert_allclose([pose.matrix for pose in grippers],
                                [pose.matrix for pose in known.grippers], atol=1e-6)
     if kind is InsertPlug:
         assert float(values['plug force [N]']) == pytest.approx(known.plug_force.max(), rel=1e-3)
     if len(known) == 1:  # there is a way to it
         assert np.allclose(made.plan.grippers[0].matrix, start.matrix) and len(made.plan) == 2
+
+
+def test_a_plan_in_stages_goes_on_when_it_is_told_that_the_hold_is_there(inside, node, tell):
+    drain(inside.timed)
+    code, message, values = tell(TASKS[ThreadInGrasps]())
+    assert code == 0 and message.endswith(
+        'thread, stage 1 of 9; then close second at s = 0.9 m'), message
+    assert (values['stage'], values['stages']) == ('thread', '9')
+    assert (values['event 1'], values['event 1 arm'], values['event 1 s [m]']) == (
+        'close', 'second', '0.9')
+    whole = state(node).planned.whole
+    pose = [float(number) for number in values['event 1 pose'].split()]
+    np.testing.assert_allclose(pose[:3], whole.events[0].hold.pose.position, atol=1e-5)
+    assert inside.status_of('proof', PATIENCE)[0] == 0
+    proof = state(node).proof
+    node.shared.store.change(lambda now: replace(now, proof=Proof(proof.plan)))
+    answer = inside.trigger('next_stage')  # nothing is known of the motion that should be done
+    assert not answer.success and 'thread is not proved' in answer.message
+    assert inside.status_of('next_stage')[0] == Cause.PROOF_PENDING
+    node.shared.store.change(lambda now: replace(now, proof=proof))
+    assert inside.timed.get(timeout=PATIENCE).joint_names == ['gripper', 'first']
+    answer = inside.trigger('execute')
+    assert not answer.success and 'and ~/next_stage when that is done' in answer.message
+    assert inside.trigger('next_stage').success
+    code, message, values = inside.status_of('next_stage')
+    assert code == 0 and message.endswith('hand over 1, stage 2 of 9; then open first at s = 0.8 m'
+                                          ', then close first at s = 0.725 m'), message
+    assert inside.status_of('proof', PATIENCE)[0] == 0
+    timed = inside.timed.get(timeout=PATIENCE)
+    assert timed.joint_names == ['gripper', 'first', 'second']
+    end = timed.points[-1].transforms[2].translation
+    np.testing.assert_allclose([end.x, end.y, end.z], whole.stages[1].arms['second'][-1].position,
+                               atol=1e-9)
+    made = state(node).planned
+    node.shared.store.change(lambda now: replace(
+        now, planned=made.in_stage(8), proof=replace(now.proof, plan=made.in_stage(8).plan)))
+    assert 'pull 2 is the last stage' in inside.trigger('next_stage').message
+    tell(TASKS[Thread]())
+    assert 'this one of a Thread has one stage' in inside.trigger('next_stage').message
 
 
 def test_a_proof_ends_with_a_message_of_its_own(inside, node, tell):

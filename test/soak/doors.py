@@ -98,7 +98,7 @@ def a_type(odd, _):
 # service: type, maker
 SERVICES = {
     **{f'~/{name}': (Trigger, plain(Trigger)) for name in ('cancel', 'execute', 'identify',
-                                                           'replan', 'reset')},
+                                                           'next_stage', 'replan', 'reset')},
     **{f'~/{name}': (GetPlan, a_plan) for name in (
         'plan', 'plan_threading', 'plan_insertion', 'plan_hold_contact', 'plan_slide_contact',
         'plan_sequence', 'plan_two_cutouts', 'predict_shape', 'execute_plan')},
