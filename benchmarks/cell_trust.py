@@ -107,7 +107,7 @@ def said(outcome: Outcome, times: Sequence[float] = ()) -> dict[str, Any]:
     judged = [stay for stay, hit in zip(outcome.stays, struck, strict=True)
               if np.isfinite(stay.promised) and not hit]
     numbers = {name: getattr(outcome, name) for name in ('depth', 'miss', 'promised', 'force',
-                                                          'time')}
+                                                          'pushed', 'time')}
     return {**{name: value if np.isfinite(value) else None for name, value in numbers.items()},
             **{name: getattr(outcome, name) for name in ('threaded', 'clean', 'touched', 'rammed',
                                                          'refused', 'phase')},

@@ -62,6 +62,8 @@ class Outcome(Value):
     # `run`
     miss: float = np.nan
     force: float = 0.0  # largest contact force on the DLO, N; inf if the simulation became unstable
+    # the same of the times in which the DLO was not in the hole: what it pushes a sheet with
+    pushed: float = 0.0
     time: float = 0.0  # duration of the motion, s
     # the largest miss that the driver expected when the DLO first came into the plane of the hole,
     # or at the end if it never did, m; nan if it did not say
@@ -130,7 +132,7 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
         miss, depth = task.off(plant.points([task.rod.length - task.depth])), task.depth
         threaded = bool(plant.forces.any()) and miss < task.radius and not driven.refused
     return Outcome(seed, driven.refused, bool(threaded), depth, miss, driven.force,
-                   plant.time, driven.promised, str(getattr(command, 'phase', '')),
+                   driven.pushed, plant.time, driven.promised, str(getattr(command, 'phase', '')),
                    tuple(driven.stays))
 
 
@@ -142,6 +144,7 @@ class _Driven:
     # period -> (2,) coordinates in the plane of the hole, m
     crossings: dict[int, Floats] = field(default_factory=dict)
     force: float = 0.0  # largest contact force, N
+    pushed: float = 0.0  # the same while it was not in the hole, N
     # first period of a stay in the hole -> what was promised last before it, m
     promises: dict[int, float] = field(default_factory=dict)
     expected: float = np.nan  # what was promised last outside the hole, m
@@ -210,9 +213,11 @@ def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
         try:
             plant.move(robot.pose, PERIOD)
         except NotConverged:
-            driven.force = np.inf
+            driven.force = driven.pushed = np.inf
             break
         driven.force = float(plant.largest_forces.max())
+        if not inside:
+            driven.pushed = max(driven.pushed, float(plant.forces.max()))
         if watch is not None:
             watch(plant)
         if driven.force > _STOP:
