@@ -77,6 +77,11 @@ class Outcome(Value):
         return self.force > TOUCH
 
     @property
+    def pushes(self) -> bool:
+        """Whether it touched anything with more than TOUCH while it was not in the hole."""
+        return self.pushed > TOUCH
+
+    @property
     def rammed(self) -> bool:
         """Whether the DLO touched anything with more than RAM."""
         return self.force > RAM
