@@ -32,7 +32,7 @@ from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.approach import Approach
 from dlo_planner.inverse.tasks.move_to import MoveTo
-from dlo_planner.inverse.tasks.thread import Thread, ThreadAsBefore
+from dlo_planner.inverse.tasks.thread import Thread, ThreadLookedAt
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
@@ -67,7 +67,6 @@ LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
 _OF_LIMITS = 0.95   # that motions are made for: the rest is for corrections
 _BACK = 12, 24, 48, 96, 192  # poses on the way back, as many as keep to the way there
-_ALONG = 0.01       # rad: along the normal it passes within rounding, obliquely far beyond this
 _STEP = 0.01        # of the length: from pose to pose on the way onto a contact
 _TRIED = 200        # times at which it is looked where on its way the gripper stands
 _WINDOW = 0.1       # of the slowest period, of each of three windows that smooth a step
@@ -102,9 +101,6 @@ class LoopTask:
     planned_room : float
         Room that the plan which is executed leaves the DLO, m, see `of_plan`: less than that of the
         cut-outs where it passes obliquely, or bends back to a sheet. Infinite: none is known yet.
-    obliquely : bool or None
-        Whether that plan passes obliquely: the way in goes on as the way to the standoff began.
-        None: no plan of one cut-out is known yet.
 
     Raises
     ------
@@ -119,7 +115,6 @@ class LoopTask:
     limits: Limits = Limits()
     most_off: float | None = None
     planned_room: float = np.inf
-    obliquely: bool | None = None
 
     def __post_init__(self) -> None:
         if not (self.touches or cutouts_of(self.task)):
@@ -232,9 +227,7 @@ class LoopTask:
             beside = np.zeros(rooms.size)  # in the order of the cut-outs, as far as they are passed
             beside[:len(errors)] = errors[:rooms.size]
             room = min(room, float((rooms + beside).min(initial=np.inf)))
-        obliquely = bool((plan.misalignment > _ALONG).any()) if isinstance(
-            self.task, Thread) else None
-        return replace(self, planned_room=room, obliquely=obliquely)
+        return replace(self, planned_room=room)
 
     @property
     def room_at_rest(self) -> float:
@@ -256,8 +249,7 @@ class LoopTask:
 
         How obliquely it passes a hole is chosen by what looks do not tell, before them as after:
         so the way in goes on from where the way to the standoff ends. From there, where `standoff`
-        is 0, it is oblique if it was so before: of two ways with about as much room looks would
-        make now the one, now the other the better one.
+        is 0, the gripper rolls as little as it can: see `ThreadLookedAt`.
         """
         known, start = self.inverse, estimate.actual(here)
         simulator = known.simulator.with_rod(self.rod(estimate))
@@ -276,10 +268,8 @@ class LoopTask:
 
         stated: Any = self.task  # a dataclass
         known_now = {one.name: estimated(getattr(stated, one.name)) for one in fields(stated)}
-        if type(stated) is Thread and self.obliquely is not None and not standoff:
-            task: Task = ThreadAsBefore(**known_now, obliquely=self.obliquely)
-        else:
-            task = replace(stated, **known_now)
+        task: Task = (ThreadLookedAt(**known_now, there=not standoff) if type(stated) is Thread
+                      else replace(stated, **known_now))
         through = inverse.plan(task, start=start, requirements=replace(
             known.requirements, uncertainty=unseen(simulator.rod)))
         return inverse.plan(Approach(cutouts_of(task)[0], through.shapes[0], standoff),
@@ -336,7 +326,7 @@ class GripperMotion(NamedTuple):
     """A motion to rest, the last Shape on it that hangs freely, and how the DLO swings on the way.
 
     The poses are true ones, of the gripper by the Estimate with which it was planned.
-    `planned_room` and `obliquely`: see `LoopTask`, of the plan that goes on from where it ends.
+    `planned_room`: see `LoopTask`, of the plan that goes on from where it ends.
     """
 
     estimate: Estimate
@@ -344,7 +334,6 @@ class GripperMotion(NamedTuple):
     there: Shape
     swing: Swing
     planned_room: float = np.inf
-    obliquely: bool | None = None
 
     @property
     def steered(self) -> Steered:
@@ -510,8 +499,7 @@ def _trajectory(task: LoopTask, plan: Plan, tolerance: float, limits: Limits) ->
 def _motion(task: LoopTask, estimate: Estimate, plan: Plan) -> GripperMotion:
     trajectory = _trajectory(task, plan, task.tolerance, task.motion_limits)
     return GripperMotion(estimate, trajectory, plan.shapes[-1],
-                         swing_of(trajectory, estimate, task.estimated(plan)), task.planned_room,
-                         task.obliquely)
+                         swing_of(trajectory, estimate, task.estimated(plan)), task.planned_room)
 
 
 def swing_of(trajectory: Trajectory, estimate: Estimate, plan: Plan) -> Swing:

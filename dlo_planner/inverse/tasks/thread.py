@@ -404,18 +404,17 @@ class Thread(Task):
         try:
             if room <= 0:  # no direction is better
                 return along()
-            return self._chosen(along, partial(thread_with_most_room, free, task, most), partial(
-                _with_room, room=room, best=partial(best_rating, free, task.demands.uncertainty,
-                                                    room),
-                missed=partial(missed_between, free)))
+            return _with_room(along, partial(thread_with_most_room, free, task, most), room,
+                              partial(best_rating, free, task.demands.uncertainty, room),
+                              partial(missed_between, free))
         except Infeasible as error:
             error.advise = partial(advice, free, task, most)
             raise
 
-    def _chosen(self, along: Callable[[], Plan], oblique: Callable[[], Plan],
-                choose: Callable[[Callable[[], Plan], Callable[[], Plan]], Plan]) -> Plan:
-        """Return the Plan along the normal or the oblique one, as `choose` does."""
-        return choose(along, oblique)
+    @property
+    def seen(self) -> bool | None:
+        """Whether the DLO was looked at where it starts; None: no look is made."""
+        return None
 
     @property
     def held_inside(self) -> float | None:
@@ -432,7 +431,8 @@ class Thread(Task):
 
         def planned(depths: Floats) -> Plan:
             free, task = front.without_obstacles, Threading(
-                (self.cutout,), depths, front.start, front.demands, front.initial, self.method)
+                (self.cutout,), depths, front.start, front.demands, front.initial, self.method,
+                self.seen)
             solve = partial(self._threaded, free, task)
             return solve() if inside is None else inside.planned(solve)
 
@@ -444,35 +444,32 @@ class Thread(Task):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ThreadAsBefore(Thread):
-    """A Thread that was planned before, for a DLO that is known a little better since.
+class ThreadLookedAt(Thread):
+    """A Thread of a DLO that is looked at before it goes into the hole.
 
-    It passes along the normal or obliquely as it did then, whichever would leave a little more
-    room now: before the hole the gripper stands where that way goes on, and the DLO would have to
-    be led past the sheet to another one. Where that is not possible any more, it passes as it can.
+    What looks leave unknown of how it is bent and held is hardly a miss while the gripper stands as
+    it stood then, and turns with it: where it passes obliquely, the gripper rolls as little as it
+    can from there on.
 
     Attributes
     ----------
-    obliquely : bool
-        Whether it passed obliquely.
+    there : bool
+        Whether it was looked at where it starts. If False, it will be before the hole.
     """
 
-    obliquely: bool = False
+    there: bool = False
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, cutout: CutOut, depths: ArrayLike | None = None,
                      method: str = 'coupled', gripper_clearance: float | None = None,
                      as_deep_as_possible: bool = False, max_misalignment: float | None = None,
-                     hold_at: float | None = None, obliquely: bool = False) -> None: ...
+                     hold_at: float | None = None, there: bool = False) -> None: ...
 
     def __post_init__(self) -> None:
-        flag('obliquely', self.obliquely)
+        flag('there', self.there)
         super().__post_init__()
 
-    def _chosen(self, along: Callable[[], Plan], oblique: Callable[[], Plan],
-                choose: Callable[[Callable[[], Plan], Callable[[], Plan]], Plan]) -> Plan:
-        """Return the Plan of the kind that it was, if there is one."""
-        try:
-            return oblique() if self.obliquely else along()
-        except Infeasible:
-            return choose(along, oblique)
+    @property
+    def seen(self) -> bool:
+        """Whether it was looked at where it starts."""
+        return self.there
