@@ -42,7 +42,9 @@ class Stay(NamedTuple):
 
     begin: float  # seconds since the beginning of the run
     end: float
-    miss: float  # largest distance from the center of the hole in it, m
+    # largest distance of the DLO from the center of the hole in it, m: across the DLO, as what is
+    # promised, where it pierces the hole obliquely
+    miss: float
     # the largest miss that the driver expected when it began, m; nan if it did not say
     promised: float
 
@@ -148,6 +150,7 @@ class _Driven:
     poses: list[Pose] = field(default_factory=list)  # measured ones
     # period -> (2,) coordinates in the plane of the hole, m
     crossings: dict[int, Floats] = field(default_factory=dict)
+    leans: dict[int, float] = field(default_factory=dict)  # distances across the DLO over those
     force: float = 0.0  # largest contact force, N
     pushed: float = 0.0  # the same while it was not in the hole, N
     # first period of a stay in the hole -> what was promised last before it, m
@@ -170,7 +173,7 @@ class _Driven:
         """The times in the hole."""
         begins = [*self.promises, np.inf]
         return [Stay(PERIOD * begin, PERIOD * max(within), float(max(
-            np.linalg.norm(self.crossings[k]) for k in within)), promised)
+            np.linalg.norm(self.crossings[k]) * self.leans[k] for k in within)), promised)
             for (begin, promised), after in zip(self.promises.items(), begins[1:], strict=True)
             if (within := [k for k in self.crossings if begin <= k < after])]
 
@@ -232,6 +235,7 @@ def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
             if passed and not (inside and in_bore):
                 worst = max(passed, key=lambda one: one.miss)
                 driven.crossings[count] = np.array([worst.y, worst.z])
+                driven.leans[count] = worst.off / worst.miss if worst.miss else 1.0
                 if not inside:
                     driven.promises[count] = driven.expected
             inside = bool(passed)
