@@ -12,6 +12,7 @@ from oblique_plans import DEPTHS as OBLIQUE_DEPTHS
 from oblique_plans import HOLE as LEVEL
 from oblique_plans import WIRE as SOFT
 from oblique_plans import Obliquely, oblique_plan
+from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
     Box,
@@ -534,6 +535,23 @@ def test_the_way_to_the_standoff_is_as_calm_as_the_room_of_the_plan_asks(monkeyp
     motion = way_to_standoff(goal, estimate, here)
     assert motion.planned_room == pytest.approx(LEAST, rel=0.01)
     assert asked == [max(1e-3, 0.25 * motion.planned_room)]
+
+
+def test_the_way_in_does_not_turn_what_looks_did_not_tell():
+    bent = replace(SOFT, natural_curvature=(0.1, -0.15))  # as it is estimated
+    simulator = DirectSimulator(bent)
+    goal = LoopTask(InverseSimulator(simulator), Thread(LEVEL, OBLIQUE_DEPTHS), 0.02)
+    estimate = DloEstimator(simulator, EstimatorConfig(SOFT_SPREAD)).estimate
+    first = InverseSimulator(simulator).plan(goal.task).grippers[0]
+    rolled = first.compose(Pose((0, 0, 0), (np.sin(-0.5), 0, 0, np.cos(-0.5))))
+    here = Pose(rolled.position - 0.02 * LEVEL.normal, rolled.quaternion)
+    way, through = goal.ways(estimate, here, 0.0)
+    assert through.misalignment.max() > 0.1
+    for pose in (*way.grippers, *through.grippers):
+        turn = Rotation.align_vectors(pose.direction[None], here.direction[None])[0]
+        rolls = Rotation.from_matrix(pose.rotation) * (
+            turn * Rotation.from_matrix(here.rotation)).inv()
+        assert rolls.magnitude() < 0.3
 
 
 @pytest.mark.parametrize('bound', [0.8, 1.5])

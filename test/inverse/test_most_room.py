@@ -428,8 +428,9 @@ def test_what_is_not_known_of_a_dlo_that_was_looked_at_is_not_turned(there):
         return sum(roll(*pair) for pair in pairwise(plan.grippers))
 
     assert kept.misalignment.max() > 0.1
-    print(there, rolls(free), rolls(kept), roll(start, free.grippers[0]), roll(start, kept.grippers[0]), free.margin.min(), kept.margin.min())
-    assert rolls(kept) < 0.3 < rolls(free)
+    assert rolls(kept) < 0.1
+    assert rolls(free) > 0.3
     assert kept.margin.min() > 0.9 * free.margin.min()
     if there:
-        assert roll(start, kept.grippers[0]) < 0.3 < roll(start, free.grippers[0])
+        assert roll(start, kept.grippers[0]) < 0.3
+        assert roll(start, free.grippers[0]) > 1
