@@ -542,10 +542,11 @@ def test_the_way_in_does_not_turn_what_looks_did_not_tell():
     simulator = DirectSimulator(bent)
     goal = LoopTask(InverseSimulator(simulator), Thread(LEVEL, OBLIQUE_DEPTHS), 0.02)
     estimate = DloEstimator(simulator, EstimatorConfig(SOFT_SPREAD)).estimate
-    first = InverseSimulator(simulator).plan(goal.task).grippers[0]
+    before = InverseSimulator(simulator).plan(goal.task)
+    first = before.grippers[0]
     rolled = first.compose(Pose((0, 0, 0), (np.sin(-0.5), 0, 0, np.cos(-0.5))))
     here = Pose(rolled.position - 0.02 * LEVEL.normal, rolled.quaternion)
-    way, through = goal.ways(estimate, here, 0.0)
+    way, through = goal.of_plan(before).ways(estimate, here, 0.0)
     assert through.misalignment.max() > 0.1
     for pose in (*way.grippers, *through.grippers):
         turn = Rotation.align_vectors(pose.direction[None], here.direction[None])[0]

@@ -412,8 +412,8 @@ def roll(before, after):
         after.rotation @ (turn @ before.rotation).T).as_rotvec())
 
 
-@pytest.mark.parametrize('there', [True, False])
-def test_what_is_not_known_of_a_dlo_that_was_looked_at_is_not_turned(there):
+@pytest.mark.parametrize('before', [True, None])
+def test_what_is_not_known_of_a_dlo_that_was_looked_at_is_not_turned(before):
     rod = replace(WIRE, natural_curvature=(0.1, -0.15))  # as a loop estimates it
     inverse = InverseSimulator(DirectSimulator(rod, gravity=GRAVITY))
     depths = np.linspace(0, 0.14, 6)
@@ -422,7 +422,8 @@ def test_what_is_not_known_of_a_dlo_that_was_looked_at_is_not_turned(there):
         'x', -1.0).as_matrix())
     free, kept = (inverse.plan(task, start=start, requirements=Requirements(
         uncertainty=unseen(rod))) for task in (
-            Thread(hole(-10), depths), ThreadLookedAt(hole(-10), depths, there=there)))
+            Thread(hole(-10), depths), ThreadLookedAt(hole(-10), depths,
+                                                            obliquely=before)))
 
     def rolls(plan):
         return sum(roll(*pair) for pair in pairwise(plan.grippers))
@@ -431,6 +432,23 @@ def test_what_is_not_known_of_a_dlo_that_was_looked_at_is_not_turned(there):
     assert rolls(kept) < 0.1
     assert rolls(free) > 0.3
     assert kept.margin.min() > 0.9 * free.margin.min()
-    if there:
+    if before:
         assert roll(start, kept.grippers[0]) < 0.3
         assert roll(start, free.grippers[0]) > 1
+
+
+def test_a_dlo_that_was_looked_at_passes_as_it_was_led_there():
+    inverse, depths = InverseSimulator(DirectSimulator(WIRE, gravity=GRAVITY)), [0.0, 0.05, 0.1]
+    cutout = hole(-30)  # which both ways pass
+
+    def misalignment(task):
+        return inverse.plan(task).misalignment.max()
+
+    along, obliquely = (misalignment(ThreadLookedAt(cutout, depths, obliquely=before))
+                        for before in (False, True))
+    assert along < 1e-6
+    assert obliquely > 0.05
+    free = misalignment(Thread(cutout, depths))
+    assert misalignment(ThreadLookedAt(cutout, depths)) == pytest.approx(free, abs=0.05)
+    # where there is no way of its kind any more, the other one
+    assert misalignment(ThreadLookedAt(hole(0), depths, obliquely=False)) > 0.05

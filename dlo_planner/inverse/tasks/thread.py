@@ -404,12 +404,18 @@ class Thread(Task):
         try:
             if room <= 0:  # no direction is better
                 return along()
-            return _with_room(along, partial(thread_with_most_room, free, task, most), room,
-                              partial(best_rating, free, task.demands.uncertainty, room),
-                              partial(missed_between, free))
+            return self._chosen(along, partial(thread_with_most_room, free, task, most), partial(
+                _with_room, room=room, best=partial(best_rating, free, task.demands.uncertainty,
+                                                    room),
+                missed=partial(missed_between, free)))
         except Infeasible as error:
             error.advise = partial(advice, free, task, most)
             raise
+
+    def _chosen(self, along: Callable[[], Plan], oblique: Callable[[], Plan],
+                choose: Callable[[Callable[[], Plan], Callable[[], Plan]], Plan]) -> Plan:
+        """Return the Plan along the normal or the oblique one, as `choose` does."""
+        return choose(along, oblique)
 
     @property
     def seen(self) -> bool | None:
@@ -449,27 +455,42 @@ class ThreadLookedAt(Thread):
 
     What looks leave unknown of how it is bent and held is hardly a miss while the gripper stands as
     it stood then, and turns with it: where it passes obliquely, the gripper rolls as little as it
-    can from there on.
+    can from there on. It passes along the normal or obliquely as was planned when it was led there,
+    whichever would leave a little more room now: it would have to be led past the sheet to where
+    the other way begins. Where that is not possible any more, it passes as it can.
 
     Attributes
     ----------
-    there : bool
-        Whether it was looked at where it starts. If False, it will be before the hole.
+    obliquely : bool or None
+        Whether it was to pass obliquely when it was led to where it starts, and looked at there.
+        None: it will be looked at before the hole.
     """
 
-    there: bool = False
+    obliquely: bool | None = None
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, cutout: CutOut, depths: ArrayLike | None = None,
                      method: str = 'coupled', gripper_clearance: float | None = None,
                      as_deep_as_possible: bool = False, max_misalignment: float | None = None,
-                     hold_at: float | None = None, there: bool = False) -> None: ...
+                     hold_at: float | None = None,
+                     obliquely: bool | None = None) -> None: ...
 
     def __post_init__(self) -> None:
-        flag('there', self.there)
+        if self.obliquely is not None:
+            flag('obliquely', self.obliquely)
         super().__post_init__()
 
     @property
     def seen(self) -> bool:
         """Whether it was looked at where it starts."""
-        return self.there
+        return self.obliquely is not None
+
+    def _chosen(self, along: Callable[[], Plan], oblique: Callable[[], Plan],
+                choose: Callable[[Callable[[], Plan], Callable[[], Plan]], Plan]) -> Plan:
+        """Return the Plan of the kind that it was, if there is one."""
+        if self.obliquely is None:
+            return choose(along, oblique)
+        try:
+            return oblique() if self.obliquely else along()
+        except Infeasible:
+            return choose(along, oblique)
