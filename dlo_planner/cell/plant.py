@@ -459,8 +459,8 @@ def passage_of(cutout: CutOut, s: Floats, places: Floats) -> Passage:
     first = s[pierced[0]] + part[0, 0] * (s[1] - s[0])
     worst = misses.argmax()
     off = np.linalg.norm(np.cross((0.0, *places[worst]), ways[worst])) / np.linalg.norm(ways[worst])
-    return Passage(float(s[-1] - first), float(misses[worst]), *map(float, places[worst]),
-                   float(off))
+    y, z = map(float, places[worst])
+    return Passage(float(s[-1] - first), float(misses[worst]), y, z, float(off))
 
 
 def linear(model: Any, data: Any) -> tuple[Floats, Floats]:
