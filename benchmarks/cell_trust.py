@@ -176,11 +176,13 @@ def claims(found: list[dict[str, Any]]) -> list[tuple[str, int, int, float, bool
     by_case = {one['case']: [other for other in judged if other['case'] == one['case']]
                for one in judged}
     right = [one for one in found if one['case'] == 'nominal']
+    # a push at the entry, or within a second before it, is not a loop's
+    unstruck = [one for one in found if not one['struck_inside']]
     out = [('the bound covers the miss, all cases', sum(one['covered'] for one in judged),
             len(judged), 0.95, True),
            ('rammed, all cases', sum(one['rammed'] for one in found), len(found), 0.0, False),
-           ('pushed by more than a touch before the hole, all cases', sum(map(_pushes, found)),
-            len(found), 0.0, False)]
+           ('pushed by more than a touch before the hole, unless struck there',
+            sum(map(_pushes, unstruck)), len(unstruck), 0.0, False)]
     if right:
         out += [('clean where nothing is wrong', sum(one['clean'] for one in right), len(right),
                  0.99, True),

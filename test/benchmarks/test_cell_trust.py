@@ -174,10 +174,11 @@ def test_the_claims_count_pushes_before_the_hole_and_the_bound_of_each_case():
     fine = {'threaded': True, 'depth': 0.7, 'miss': 1e-3, 'promised': 2e-3}
     inside = one(force=0.5, **fine)
     untold = {name: value for name, value in inside.items() if name != 'pushes'}
+    struck = one('bump', force=0.06, pushed=0.06, **fine, stays=(Stay(3.5, 9.0, 1e-3, 2e-3),))
     told = {words: (count, runs) for words, count, runs, *_ in cell_trust.claims(
         [one(**fine), inside, one('bump', force=0.06, pushed=0.06, **{**fine, 'miss': 3e-3}),
-         untold])}
-    assert told['pushed by more than a touch before the hole, all cases'] == (2, 4)
+         untold, struck])}
+    assert told['pushed by more than a touch before the hole, unless struck there'] == (2, 4)
     assert told['the bound covers the miss, slip'] == (3, 3)
     assert told['the bound covers the miss, bump'] == (0, 1)
 

@@ -342,6 +342,24 @@ def test_what_is_promised_of_a_slanted_dlo_is_judged_across_it():
     assert said(outcome)['covered']
 
 
+def test_what_it_pushes_before_the_hole_is_told_from_what_it_touches_in_it():
+    def driver(task):
+        def command(images, time, gripper):
+            aside = max(time - 1.5, 0.0) * task.start.position[1]  # in the hole it goes to the rim
+            forth = Pose(task.start.position + (0.3 * min(time, 1.0), -20 * aside, 0), (0, 0, 0, 1))
+            return forth if time < 3.0 else None
+        return command
+
+    inside, before = (seen(replace(TASK, start=Pose((-0.45, y, 1.0), (0, 0, 0, 1))), driver)
+                      for y in (1e-3, 0.03))
+    assert inside.touched
+    assert not inside.pushes
+    assert inside.pushed < 1e-9
+    assert before.pushes
+    assert before.pushed == before.force
+    assert before.depth == 0
+
+
 def test_a_wild_motion_is_no_refusal():
     poses = [LEVEL, Pose((1e9, 0, 0), (0, 0, 0, 1)), LEVEL]
     outcome = seen(TASK, OpenLoop(lambda _: poses))
