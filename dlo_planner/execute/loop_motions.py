@@ -254,8 +254,8 @@ class LoopTask:
         """Return the way to the entry, and on from there, in true poses of the estimated DLO.
 
         How obliquely it passes a hole is chosen by what looks do not tell, before them as after:
-        so the way in goes on from where the way to the standoff ends. From there, where `standoff`
-        is 0, it passes as planned before, and rolls as little as it can: see `ThreadLookedAt`.
+        so the way in goes on from where the way to the standoff ends, and passes as planned then.
+        The gripper rolls as little as it can: see `ThreadLookedAt`.
         """
         known, start = self.inverse, estimate.actual(here)
         simulator = known.simulator.with_rod(self.rod(estimate))

@@ -292,7 +292,7 @@ class RoomSearch:
             return NoRoom(float(depths[empty]), 'no shape that the DLO can come to has room in '
                           f'{where}')
         costs, onward = _costs_to_go(passages, self.simulator.rod.length, 1 if self.round else 3,
-                                     0.0 if task.seen is None else _ROLL)
+                                     _ROLL if task.seen else 0.0)
         if task.seen and task.start is not None and not self.round:
             costs[0] = costs[0] + _ROLL * _rolls(task.start.rotation, passages[0].grippers)**2
         if not np.isfinite(costs[0]).any():

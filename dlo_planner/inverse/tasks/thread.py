@@ -418,9 +418,9 @@ class Thread(Task):
         return choose(along, oblique)
 
     @property
-    def seen(self) -> bool | None:
-        """Whether the DLO was looked at where it starts; None: no look is made."""
-        return None
+    def seen(self) -> bool:
+        """Whether the DLO was looked at where it starts."""
+        return False
 
     @property
     def held_inside(self) -> float | None:
@@ -451,19 +451,19 @@ class Thread(Task):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ThreadLookedAt(Thread):
-    """A Thread of a DLO that is looked at before it goes into the hole.
+    """A Thread of a DLO that was looked at where it starts.
 
     What looks leave unknown of how it is bent and held is hardly a miss while the gripper stands as
     it stood then, and turns with it: where it passes obliquely, the gripper rolls as little as it
-    can from there on. It passes along the normal or obliquely as was planned when it was led there,
-    whichever would leave a little more room now: it would have to be led past the sheet to where
-    the other way begins. Where that is not possible any more, it passes as it can.
+    can from there on. Before the hole, it passes along the normal or obliquely as was planned when
+    it was led there, whichever would leave a little more room now: it would have to be led past the
+    sheet to where the other way begins. Where that is not possible any more, it passes as it can.
 
     Attributes
     ----------
     obliquely : bool or None
-        Whether it was to pass obliquely when it was led to where it starts, and looked at there.
-        None: it will be looked at before the hole.
+        Whether it was to pass obliquely when it was led to where it starts. None: it was not led
+        there for that.
     """
 
     obliquely: bool | None = None
@@ -483,7 +483,7 @@ class ThreadLookedAt(Thread):
     @property
     def seen(self) -> bool:
         """Whether it was looked at where it starts."""
-        return self.obliquely is not None
+        return True
 
     def _chosen(self, along: Callable[[], Plan], oblique: Callable[[], Plan],
                 choose: Callable[[Callable[[], Plan], Callable[[], Plan]], Plan]) -> Plan:
