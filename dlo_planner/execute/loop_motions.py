@@ -35,6 +35,7 @@ from dlo_planner.inverse.tasks.move_to import MoveTo
 from dlo_planner.inverse.tasks.thread import Thread, ThreadLookedAt
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import flag
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, Surface, followed_by
@@ -133,6 +134,8 @@ class LoopTask:
         if not self.planned_room > 0:
             raise InvalidTask(f'planned_room = {self.planned_room}: expected more than 0 m, what '
                               'the plan leaves between the DLO and the sheets')
+        if self.obliquely is not None:
+            flag('obliquely', self.obliquely)
         self.room  # noqa: B018  it refuses
 
     @property

@@ -514,6 +514,8 @@ def test_the_room_of_a_task_is_that_of_its_plan():
     inside = replace(plan, clearances=np.full_like(plan.clearances, -1e-3))
     with pytest.raises(InvalidTask, match='planned_room = -0.00.*: expected more than 0 m'):
         goal.of_plan(inside)
+    with pytest.raises(InvalidTask, match="obliquely = 'yes'"):
+        replace(goal, obliquely='yes')
 
 
 def test_an_oblique_plan_is_not_entered_with_a_miss_that_the_rim_alone_would_allow():

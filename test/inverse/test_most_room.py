@@ -449,5 +449,7 @@ def test_a_dlo_that_was_looked_at_passes_as_it_was_led_there():
     assert obliquely > 0.05
     free = misalignment(Thread(cutout, depths))
     assert misalignment(ThreadLookedAt(cutout, depths)) == pytest.approx(free, abs=0.05)
+    with pytest.raises(InvalidTask, match='obliquely'):
+        ThreadLookedAt(cutout, depths, obliquely=1.5)
     # where there is no way of its kind any more, the other one
     assert misalignment(ThreadLookedAt(hole(0), depths, obliquely=False)) > 0.05
