@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the closed loop does when something goes wrong: wire of 1.5 mm, holes of 5 mm radius.
 
+The task "oblique" is one of soft wires, each with a hole that it passes obliquely as planned.
+
 python -m benchmarks.cell_trust [--tasks thread two ...] [--cases nominal slip ...]
                                 [--seeds 0:100] [--jobs 2] [--output trust.jsonl]
+python -m benchmarks.cell_trust --cases nominal 'oblique, nominal' 'kink + late stamps' ...
 python -m benchmarks.cell_trust --judge trust.jsonl [trust_2.jsonl ...] [--page docs/benchmarks]
 
 Each seed is a task of its own (hole and start), a DLO, gripper, sheet and damping of its own that
@@ -12,6 +15,7 @@ differ from what is stated, and its own moment and direction of what happens, se
 the standard deviations of what is unknown, the noise of a camera without second cable or blind
 spells, and what is usual of its calibration and of its clock.
 Below the table stands what the runs show of each claim, by Clopper and Pearson's bounds with 95 %.
+Runs that the output has already are not run again: what was cut off is gone on with.
 """
 
 import argparse
@@ -20,7 +24,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from itertools import combinations
+from itertools import combinations, product
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter, process_time
@@ -47,9 +51,13 @@ DRIVER = Looking.knowing(
     VERY_UNCERTAIN, BAD, robot_position=NOMINAL.robot_position,
     robot_rotation=NOMINAL.robot_rotation, **{name: getattr(EstimatorConfig(), name) for name in (
         'bias', 'camera_rotation', 'stamps')})
+# of the chain of a soft wire, which bends in a small part of its length: within 0.2 mm of 80 cells
+# for 0.4 m with w L^3/EI = 40 where the gripper points upwards
+_SOFT_CELLS = 40
+_OF = ', '  # between a task and its case
 HEADS = ['case', 'runs', 'happened', 'clean', 'refused before the sheet', 'in it', 'touched',
-         'rammed', 'missed', 'errors', 'covered', 'largest miss [mm]', 'promised there [mm]',
-         'struck inside', 'CPU [s]']
+         'before the hole', 'rammed', 'missed', 'errors', 'covered', 'largest miss [mm]',
+         'promised there [mm]', 'struck inside', 'CPU [s]']
 
 
 def driven(name: str, seed: int, driver: Driver | None = None,
@@ -75,17 +83,19 @@ def driven(name: str, seed: int, driver: Driver | None = None,
         task = draw_task(seed, DLO, RADIUS) if kind == 'thread' else draw_other(
             kind, seed, DLO, RADIUS)
         outcome = run(task, driver, seed=seed, unknowns=VERY_UNCERTAIN,
-                      disturbances=disturbances, camera=camera)
+                      disturbances=disturbances, camera=camera,
+                      cells=_SOFT_CELLS if kind == 'oblique' else None)
     except Exception:  # a fault of the driver or the cell: one run of hundreds, which is told
         error = format_exc()
     times = disturbances.times
     known = said(outcome, times)
     if kind in ('insert', 'hold'):  # which touch what they are to touch
         known['clean'] = outcome.threaded and not outcome.rammed
+        known['pushes'] = outcome.rammed
     if kind == 'hold' and outcome.threaded:
         known['covered'] = outcome.miss <= outcome.promised
         known['stays'] = [[round(outcome.miss, 6), round(outcome.promised, 6)]]
-    return {'case': name if kind == 'thread' else f'{kind}, {name}', 'seed': seed,
+    return {'case': _row(kind, name), 'seed': seed,
             'event_s': times[0] if times else None,
             'happened': all(time < outcome.time for time in times),
             'cpu_s': round(process_time() - began, 2), 'error': error, **known}
@@ -101,10 +111,10 @@ def said(outcome: Outcome, times: Sequence[float] = ()) -> dict[str, Any]:
     judged = [stay for stay, hit in zip(outcome.stays, struck, strict=True)
               if np.isfinite(stay.promised) and not hit]
     numbers = {name: getattr(outcome, name) for name in ('depth', 'miss', 'promised', 'force',
-                                                          'time')}
+                                                          'pushed', 'time')}
     return {**{name: value if np.isfinite(value) else None for name, value in numbers.items()},
-            **{name: getattr(outcome, name) for name in ('threaded', 'clean', 'touched', 'rammed',
-                                                         'refused', 'phase')},
+            **{name: getattr(outcome, name) for name in ('threaded', 'clean', 'touched', 'pushes',
+                                                         'rammed', 'refused', 'phase')},
             'stays': [[round(value, 6) for value in (stay.miss, stay.promised)] for stay in judged],
             'covered': all(stay.miss <= stay.promised for stay in judged) if judged else None,
             'struck_inside': any(struck)}
@@ -119,6 +129,16 @@ def ended(one: dict[str, Any]) -> str:
     return how if one['covered'] is not False else f'{how}, by more than promised'
 
 
+def _pushes(one: dict[str, Any]) -> bool:
+    """Return whether a run pushed before the hole; any touch of one that did not tell counts."""
+    return bool(one.get('pushes', one['touched']))
+
+
+def _row(kind: str, name: str) -> str:
+    """Return how the table calls a case of a kind of task."""
+    return name if kind == 'thread' else f'{kind}{_OF}{name}'
+
+
 def line(name: str, found: list[dict[str, Any]]) -> list[str]:
     """Return the row of a case under HEADS."""
     def count(*names: str) -> int:
@@ -130,7 +150,8 @@ def line(name: str, found: list[dict[str, Any]]) -> list[str]:
                  for one in found)
     return [name, str(len(found)), str(count('happened')), str(count('clean')),
             str(count('refused') - count('refused', 'depth')), str(count('refused', 'depth')),
-            str(count('touched')), str(count('rammed')), str(missed), str(count('error')),
+            str(count('touched')), str(sum(map(_pushes, found))), str(count('rammed')),
+            str(missed), str(count('error')),
             f'{sum(one["covered"] for one in judged)} of {len(judged)}',
             *('-' if value is None else f'{1e3 * value:.2f}' for value in (miss, promised)),
             str(count('struck_inside')),
@@ -152,15 +173,23 @@ def table(found: list[dict[str, Any]]) -> str:
 def claims(found: list[dict[str, Any]]) -> list[tuple[str, int, int, float, bool]]:
     """Return claims: words, runs that are so, all runs, the part wanted, whether at least that."""
     judged = [one for one in found if one['covered'] is not None]
+    by_case = {one['case']: [other for other in judged if other['case'] == one['case']]
+               for one in judged}
     right = [one for one in found if one['case'] == 'nominal']
+    # a push at the entry, or within a second before it, is not a loop's
+    unstruck = [one for one in found if not one['struck_inside']]
     out = [('the bound covers the miss, all cases', sum(one['covered'] for one in judged),
             len(judged), 0.95, True),
-           ('rammed, all cases', sum(one['rammed'] for one in found), len(found), 0.0, False)]
+           ('rammed, all cases', sum(one['rammed'] for one in found), len(found), 0.0, False),
+           ('pushed by more than a touch before the hole, unless struck there',
+            sum(map(_pushes, unstruck)), len(unstruck), 0.0, False)]
     if right:
         out += [('clean where nothing is wrong', sum(one['clean'] for one in right), len(right),
                  0.99, True),
                 ('refused where nothing is wrong', sum(bool(one['refused']) for one in right),
                  len(right), 0.05, False)]
+    out += [(f'the bound covers the miss, {name}', sum(one['covered'] for one in of_it),
+             len(of_it), 0.95, True) for name, of_it in by_case.items()]
     return out
 
 
@@ -191,10 +220,8 @@ def shown(found: list[dict[str, Any]]) -> str:
     return '\n'.join(lines)
 
 
-def all_driven(kinds: list[str], names: list[str], seeds: range,
-               jobs: int) -> Iterator[dict[str, Any]]:
-    """Yield what comes of all tasks, cases and seeds, as they are done."""
-    every = [(name, seed, None, kind) for seed in seeds for kind in kinds for name in names]
+def all_driven(every: list[tuple[str, int, None, str]], jobs: int) -> Iterator[dict[str, Any]]:
+    """Yield what comes of all arguments of `driven`, as they are done."""
     if jobs == 1:
         yield from (driven(*one) for one in every)
         return
@@ -214,15 +241,26 @@ def main(arguments: list[str] | None = None) -> int:
             publish(options.page, lines, found)
         return summarize(found)
     seeds, began, found = range(*map(int, options.seeds.split(':'))), perf_counter(), []
-    total = len(seeds) * len(options.tasks) * len(options.cases)
-    for one in all_driven(options.tasks, options.cases, seeds, options.jobs):
+    known = [] if options.output is None or not options.output.exists() else [
+        json.loads(line) for line in options.output.read_text().splitlines()]
+    have = {(one['case'], one['seed']) for one in known}
+    every = [(name, seed, None, kind) for seed in seeds for asked in options.cases
+             for kind, name in _meant(asked, options.tasks) if (_row(kind, name), seed) not in have]
+    total = len(every)
+    for one in all_driven(every, options.jobs):
         found.append(one)
         print(f'{len(found)} of {total} in {perf_counter() - began:.0f} s: {one["case"]} '
               f'{one["seed"]}: {ended(one)}', flush=True)
         if options.output:
             with options.output.open('a') as file:
                 file.write(json.dumps(one, allow_nan=False) + '\n')
-    return summarize(found)
+    return summarize(known + found)
+
+
+def _meant(asked: str, kinds: list[str]) -> list[tuple[str, str]]:
+    """Return kinds of tasks and cases that are meant by a case with or without its kind."""
+    kind, comma, name = asked.partition(_OF)
+    return [(kind, name)] if comma else [(each, asked) for each in kinds]
 
 
 def publish(folder: Path, lines: list[str], found: list[dict[str, Any]]) -> None:
@@ -246,10 +284,11 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='benchmarks.cell_trust',
                                      description=__doc__.splitlines()[0])
     every = [*CASES, *FAULTS, *map(JOINED.join, combinations(FAULTS, 2))]
-    parser.add_argument('--cases', nargs='+', choices=every, default=[*CASES, *FAULTS],
+    parser.add_argument('--cases', nargs='+', default=[*CASES, *FAULTS],
+                        choices=[*every, *(_row(*both) for both in product(KINDS, every))],
                         metavar='CASE', help=f'of {", ".join([*CASES, *FAULTS])}, or two of the '
                         f'last {len(FAULTS)}, {" + ".join([*FAULTS][:2])!r}; default: each by '
-                        'itself')
+                        f'itself; of one task alone: {_row(KINDS[-1], [*CASES][0])!r}')
     parser.add_argument('--tasks', nargs='+', choices=['thread', *KINDS], default=['thread'],
                         metavar='TASK', help=f'of thread, {", ".join(KINDS)}; default: thread')
     parser.add_argument('--seeds', default='0:100', help='from:to (default: %(default)s)')

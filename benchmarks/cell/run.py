@@ -30,7 +30,7 @@ CELLS = 80        # of a plant that is not looked at
 SEEN_CELLS = 30   # of one that is: within 0.3 mm of 1 m of 80, its frequencies within 0.2 %
 _FINER = 1.4      # times as many cells as the plant that runs once more
 _LOOKED_AT = 2    # periods of control between two measurements of the miss
-_SHORT = 0.005    # of the length, by which the depth may fall short
+_SHORT = 5e-3     # m, by which the depth may fall short: lengths are known to 1 mm
 _LONGEST = 300.0  # s, of a run
 _STOP = 5.0       # N: a larger contact force ends a run
 _ROUNDING = 1e-9  # of a number of periods
@@ -42,7 +42,9 @@ class Stay(NamedTuple):
 
     begin: float  # seconds since the beginning of the run
     end: float
-    miss: float  # largest distance from the center of the hole in it, m
+    # largest distance of the DLO from the center of the hole in it, m: across the DLO, as what is
+    # promised, where it pierces the hole obliquely
+    miss: float
     # the largest miss that the driver expected when it began, m; nan if it did not say
     promised: float
 
@@ -62,6 +64,8 @@ class Outcome(Value):
     # `run`
     miss: float = np.nan
     force: float = 0.0  # largest contact force on the DLO, N; inf if the simulation became unstable
+    # the same of the times in which the DLO was not in the hole: what it pushes a sheet with
+    pushed: float = 0.0
     time: float = 0.0  # duration of the motion, s
     # the largest miss that the driver expected when the DLO first came into the plane of the hole,
     # or at the end if it never did, m; nan if it did not say
@@ -73,6 +77,11 @@ class Outcome(Value):
     def touched(self) -> bool:
         """Whether the DLO touched anything with more than TOUCH."""
         return self.force > TOUCH
+
+    @property
+    def pushes(self) -> bool:
+        """Whether it touched anything with more than TOUCH while it was not in the hole."""
+        return self.pushed > TOUCH
 
     @property
     def rammed(self) -> bool:
@@ -87,7 +96,7 @@ class Outcome(Value):
 
 def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHING_UNKNOWN,
         disturbances: Disturbances = UNDISTURBED, camera: Camera | None = None,
-        damping: float = 0.005, step: float = STEP,
+        damping: float = 0.005, step: float = STEP, cells: int | None = None,
         watch: Callable[[Plant], object] | None = None) -> Outcome:
     """Return the Outcome of a Task.
 
@@ -97,7 +106,8 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     reacts to the chain that it sees: there it is the DLO.
 
     The driver gets what a robot has: the DLO, sheet and damping as stated (the latter as
-    `Rod.damping`), the images, and the poses that the robot measures.
+    `Rod.damping`), the images, and the poses that the robot measures. `cells` is the number of the
+    chain; None: CELLS without a camera, SEEN_CELLS with one.
     """
     instance('task', task, Task)
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 78])
@@ -113,23 +123,23 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
                      damping=number('damping', damping, minimum=0) * truth.damping, course=course)
 
     try:
-        plant = hung(CELLS if viewer is None else SEEN_CELLS)
+        plant = hung(cells or (CELLS if viewer is None else SEEN_CELLS))
         stated = (0.0, plant.lag / truth.damping)
         command = driver(replace(task, rod=replace(task.rod, damping=stated)))
     except _REFUSALS as error:
         return Outcome(seed, _reason(error))
     driven = _drive(plant, command, task, viewer, watch, disturbances.lag)
     if viewer is None and not driven.refused:
-        driven = _extrapolated(driven, _drive(hung(round(CELLS / _FINER)), _Again(driven.poses),
-                                              task, None, None, 0.0))
+        coarse = hung(round((cells or CELLS) / _FINER))
+        driven = _extrapolated(driven, _drive(coarse, _Again(driven.poses), task, None, None, 0.0))
     depth, miss = plant.passage(task.cutout).depth, driven.miss
-    threaded = (depth > task.depth - _SHORT * task.rod.length
+    threaded = (depth > task.depth - _SHORT
                 and miss < task.radius and not driven.refused)
     if isinstance(task, OtherTask) and not task.cutouts:  # a contact
         miss, depth = task.off(plant.points([task.rod.length - task.depth])), task.depth
         threaded = bool(plant.forces.any()) and miss < task.radius and not driven.refused
     return Outcome(seed, driven.refused, bool(threaded), depth, miss, driven.force,
-                   plant.time, driven.promised, str(getattr(command, 'phase', '')),
+                   driven.pushed, plant.time, driven.promised, str(getattr(command, 'phase', '')),
                    tuple(driven.stays))
 
 
@@ -140,7 +150,9 @@ class _Driven:
     poses: list[Pose] = field(default_factory=list)  # measured ones
     # period -> (2,) coordinates in the plane of the hole, m
     crossings: dict[int, Floats] = field(default_factory=dict)
+    leans: dict[int, float] = field(default_factory=dict)  # distances across the DLO over those
     force: float = 0.0  # largest contact force, N
+    pushed: float = 0.0  # the same while it was not in the hole, N
     # first period of a stay in the hole -> what was promised last before it, m
     promises: dict[int, float] = field(default_factory=dict)
     expected: float = np.nan  # what was promised last outside the hole, m
@@ -161,7 +173,7 @@ class _Driven:
         """The times in the hole."""
         begins = [*self.promises, np.inf]
         return [Stay(PERIOD * begin, PERIOD * max(within), float(max(
-            np.linalg.norm(self.crossings[k]) for k in within)), promised)
+            np.linalg.norm(self.crossings[k]) * self.leans[k] for k in within)), promised)
             for (begin, promised), after in zip(self.promises.items(), begins[1:], strict=True)
             if (within := [k for k in self.crossings if begin <= k < after])]
 
@@ -209,9 +221,11 @@ def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
         try:
             plant.move(robot.pose, PERIOD)
         except NotConverged:
-            driven.force = np.inf
+            driven.force = driven.pushed = np.inf
             break
         driven.force = float(plant.largest_forces.max())
+        if not inside:
+            driven.pushed = max(driven.pushed, float(plant.forces.max()))
         if watch is not None:
             watch(plant)
         if driven.force > _STOP:
@@ -221,6 +235,7 @@ def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
             if passed and not (inside and in_bore):
                 worst = max(passed, key=lambda one: one.miss)
                 driven.crossings[count] = np.array([worst.y, worst.z])
+                driven.leans[count] = worst.off / worst.miss if worst.miss else 1.0
                 if not inside:
                     driven.promises[count] = driven.expected
             inside = bool(passed)

@@ -241,7 +241,7 @@ class CellNode(Node):
         self._shape_out.publish(plan_path(seen(plant), np.zeros(_NODES), _FRAME,
                                           self._stamped(plant.time)))
         depth, force = plant.passage(task.cutout).depth, plant.largest_forces.max(initial=0.0)
-        worst = self._worst or Passage(0.0, np.nan, np.nan, np.nan)
+        worst = self._worst or Passage(0.0, np.nan, np.nan, np.nan, np.nan)
         threaded = depth > 0.99 * task.depth and worst.miss < task.radius
         slow = self._lost > _SLOW
         level = ERROR if self._broken else WARN if force > TOUCH or slow else OK

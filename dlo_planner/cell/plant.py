@@ -84,6 +84,9 @@ class Passage(Value):
     miss: float
     y: float  # coordinates of that point in the axes of the cut-out, m
     z: float
+    # distance of the DLO from the center, straight on as it is there, m: less than its miss where
+    # it pierces the plane obliquely
+    off: float
 
 
 class Plant:
@@ -448,14 +451,16 @@ def passage_of(cutout: CutOut, s: Floats, places: Floats) -> Passage:
     before, after = local[:-1], local[1:]
     pierced = np.flatnonzero((before[:, 0] < 0) != (after[:, 0] < 0))
     if not pierced.size:
-        return Passage(0.0, np.nan, np.nan, np.nan)
+        return Passage(0.0, np.nan, np.nan, np.nan, np.nan)
     before, after = before[pierced], after[pierced]
     part = (before[:, 0] / (before[:, 0] - after[:, 0]))[:, None]
-    places = (before + part * (after - before))[:, 1:]
+    places, ways = (before + part * (after - before))[:, 1:], after - before
     misses = np.linalg.norm(places, axis=1)
     first = s[pierced[0]] + part[0, 0] * (s[1] - s[0])
     worst = misses.argmax()
-    return Passage(float(s[-1] - first), float(misses[worst]), *map(float, places[worst]))
+    off = np.linalg.norm(np.cross((0.0, *places[worst]), ways[worst])) / np.linalg.norm(ways[worst])
+    y, z = map(float, places[worst])
+    return Passage(float(s[-1] - first), float(misses[worst]), y, z, float(off))
 
 
 def linear(model: Any, data: Any) -> tuple[Floats, Floats]:

@@ -32,8 +32,10 @@ from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.approach import Approach
 from dlo_planner.inverse.tasks.move_to import MoveTo
+from dlo_planner.inverse.tasks.thread import Thread, ThreadLookedAt
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import flag
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, Surface, followed_by
@@ -64,6 +66,7 @@ _OF_SPARE = 0.6     # part of the room that the bound leaves, which motion may u
 _FOR_CORRECTIONS = 0.05  # part of the room by which a bound may grow until the entry
 LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
+_ALONG = 0.01       # rad: along the normal it passes within rounding, obliquely far beyond this
 _OF_LIMITS = 0.95   # that motions are made for: the rest is for corrections
 _BACK = 12, 24, 48, 96, 192  # poses on the way back, as many as keep to the way there
 _STEP = 0.01        # of the length: from pose to pose on the way onto a contact
@@ -100,6 +103,8 @@ class LoopTask:
     planned_room : float
         Room that the plan which is executed leaves the DLO, m, see `of_plan`: less than that of the
         cut-outs where it passes obliquely, or bends back to a sheet. Infinite: none is known yet.
+    obliquely : bool or None
+        Whether that plan passes one cut-out obliquely, see `ThreadLookedAt`. None: none is known.
 
     Raises
     ------
@@ -114,6 +119,7 @@ class LoopTask:
     limits: Limits = Limits()
     most_off: float | None = None
     planned_room: float = np.inf
+    obliquely: bool | None = None
 
     def __post_init__(self) -> None:
         if not (self.touches or cutouts_of(self.task)):
@@ -128,6 +134,8 @@ class LoopTask:
         if not self.planned_room > 0:
             raise InvalidTask(f'planned_room = {self.planned_room}: expected more than 0 m, what '
                               'the plan leaves between the DLO and the sheets')
+        if self.obliquely is not None:
+            flag('obliquely', self.obliquely)
         self.room  # noqa: B018  it refuses
 
     @property
@@ -226,7 +234,9 @@ class LoopTask:
             beside = np.zeros(rooms.size)  # in the order of the cut-outs, as far as they are passed
             beside[:len(errors)] = errors[:rooms.size]
             room = min(room, float((rooms + beside).min(initial=np.inf)))
-        return replace(self, planned_room=room)
+        obliquely = bool((plan.misalignment > _ALONG).any()) if isinstance(
+            self.task, Thread) else None
+        return replace(self, planned_room=room, obliquely=obliquely)
 
     @property
     def room_at_rest(self) -> float:
@@ -247,7 +257,8 @@ class LoopTask:
         """Return the way to the entry, and on from there, in true poses of the estimated DLO.
 
         How obliquely it passes a hole is chosen by what looks do not tell, before them as after:
-        so the way in goes on from where the way to the standoff ends.
+        so the way in goes on from where the way to the standoff ends, and passes as planned then.
+        The gripper rolls as little as it can: see `ThreadLookedAt`.
         """
         known, start = self.inverse, estimate.actual(here)
         simulator = known.simulator.with_rod(self.rod(estimate))
@@ -265,8 +276,9 @@ class LoopTask:
             return tuple(map(estimated, value)) if isinstance(value, tuple) else value
 
         stated: Any = self.task  # a dataclass
-        task = replace(stated, **{one.name: estimated(getattr(stated, one.name))
-                                  for one in fields(stated)})
+        known_now = {one.name: estimated(getattr(stated, one.name)) for one in fields(stated)}
+        task: Task = (ThreadLookedAt(**known_now, obliquely=None if standoff else self.obliquely)
+                      if type(stated) is Thread else replace(stated, **known_now))
         through = inverse.plan(task, start=start, requirements=replace(
             known.requirements, uncertainty=unseen(simulator.rod)))
         return inverse.plan(Approach(cutouts_of(task)[0], through.shapes[0], standoff),
@@ -323,7 +335,7 @@ class GripperMotion(NamedTuple):
     """A motion to rest, the last Shape on it that hangs freely, and how the DLO swings on the way.
 
     The poses are true ones, of the gripper by the Estimate with which it was planned.
-    `planned_room`: see `LoopTask`, of the plan that goes on from where it ends.
+    `planned_room` and `obliquely`: see `LoopTask`, of the plan that goes on from where it ends.
     """
 
     estimate: Estimate
@@ -331,6 +343,7 @@ class GripperMotion(NamedTuple):
     there: Shape
     swing: Swing
     planned_room: float = np.inf
+    obliquely: bool | None = None
 
     @property
     def steered(self) -> Steered:
@@ -496,7 +509,8 @@ def _trajectory(task: LoopTask, plan: Plan, tolerance: float, limits: Limits) ->
 def _motion(task: LoopTask, estimate: Estimate, plan: Plan) -> GripperMotion:
     trajectory = _trajectory(task, plan, task.tolerance, task.motion_limits)
     return GripperMotion(estimate, trajectory, plan.shapes[-1],
-                         swing_of(trajectory, estimate, task.estimated(plan)), task.planned_room)
+                         swing_of(trajectory, estimate, task.estimated(plan)), task.planned_room,
+                         task.obliquely)
 
 
 def swing_of(trajectory: Trajectory, estimate: Estimate, plan: Plan) -> Swing:

@@ -356,7 +356,7 @@ class TaskLoop:
         bound = None
         # it is judged by the room of the plan that is executed
         self._task = (task.of_plan(done.whole) if isinstance(done, Entry) else
-                      replace(task, planned_room=done.planned_room))
+                      replace(task, planned_room=done.planned_room, obliquely=done.obliquely))
         self._loop = replace(self._loop, room=self._task.room)
         if isinstance(done, Entry):
             self._entry, self._correction = done, None

@@ -63,6 +63,9 @@ _LEAST = 0.01       # of the room of an upright DLO: less is lost between grid a
 _DEPTHS = 24        # that are looked at
 _STEEPEST = 0.98    # of the largest angle that is allowed: smoothing turns a way a little
 _TURN = 0.03        # per rad^2 between two depths, against the square of the part of room lost
+# The same of a roll where looks are made: what they leave unknown of how the DLO is bent and held
+# turns with the gripper. A soft wire misses by the room and more, rolled by 1 rad
+_ROLL = 1.0
 _FARTHEST = 0.5     # rad, about: the gripper turns no farther between two depths looked at,
 _SHIFT = 0.3        # and shifts no farther, of the length
 _MOST = 400         # shapes at a depth: those of the largest margin
@@ -288,7 +291,10 @@ class RoomSearch:
         if empty is not None:
             return NoRoom(float(depths[empty]), 'no shape that the DLO can come to has room in '
                           f'{where}')
-        costs, onward = _costs_to_go(passages, self.simulator.rod.length, 1 if self.round else 3)
+        costs, onward = _costs_to_go(passages, self.simulator.rod.length, 1 if self.round else 3,
+                                     _ROLL if task.seen else 0.0)
+        if task.seen and task.start is not None and not self.round:
+            costs[0] = costs[0] + _ROLL * _rolls(task.start.rotation, passages[0].grippers)**2
         if not np.isfinite(costs[0]).any():
             last = max(k for k in range(len(costs)) if not np.isfinite(costs[k]).any())
             return NoRoom(float(depths[last]), f'no shapes with room in {where} lead on')
@@ -322,16 +328,25 @@ def _without_roll(grippers: Floats, task: Threading) -> Floats:
     return np.array(rolled)
 
 
-def _costs_to_go(passages: list[Passage], length: float,
-                 columns: int) -> tuple[list[Floats], list[Ints]]:
+def _rolls(start: Floats, grippers: Floats) -> Floats:
+    """Return by how much rotations (k, 3, 3) are rolled from that at the start (3, 3), rad."""
+    straight = np.array([least_turn(start[:, 0], axis) @ start for axis in grippers[:, :, 0]])
+    sines, cosines = (np.einsum('ki,ki->k', grippers[:, :, 1], straight[:, :, b]) for b in (2, 1))
+    result: Floats = np.abs(np.arctan2(sines, cosines))
+    return result
+
+
+def _costs_to_go(passages: list[Passage], length: float, columns: int,
+                 roll: float) -> tuple[list[Floats], list[Ints]]:
     """Return costs [(m,)] of the best ways on from each depth, and the next [(m,)], the last first.
 
-    columns: how many axes of the gripper count; 1: a roll makes no difference.
+    columns: how many axes of the gripper count; 1: a roll makes no difference. roll: what one costs
+    beside a turn, per rad^2.
     """
     costs, onward = [(1 - passages[-1].rating)**2], list[Ints]()
     for one, other in zip(passages[-2::-1], passages[:0:-1], strict=True):
         cost, best = _cheapest(one.grippers, one.places / length, other.grippers,
-                               other.places / length, costs[0], columns)
+                               other.places / length, costs[0], columns, roll)
         onward.append(best)
         costs.insert(0, cost + (1 - one.rating)**2)
     return costs, onward
@@ -339,10 +354,10 @@ def _costs_to_go(passages: list[Passage], length: float,
 
 @kernel
 def _cheapest(grippers: Floats, places: Floats, others: Floats, there: Floats, costs: Floats,
-              columns: int) -> tuple[Floats, Ints]:
+              columns: int, roll: float) -> tuple[Floats, Ints]:
     """Return the least costs (m,) of going on, and to which of the others (k,) at these costs.
 
-    Places are (m, 3) and (k, 3), of the length.
+    Places are (m, 3) and (k, 3), of the length. See `_costs_to_go`.
     """
     out, best = np.full(grippers.shape[0], np.inf), np.zeros(grippers.shape[0], np.int64)
     for i in range(grippers.shape[0]):
@@ -350,8 +365,9 @@ def _cheapest(grippers: Floats, places: Floats, others: Floats, there: Floats, c
             if costs[j] >= out[i]:
                 continue
             # about the squares of the turn, rad^2, and of the shift
-            turn = shift = 0.0
+            turn = swing = shift = 0.0
             for a in range(3):
+                swing += (grippers[i, a, 0] - others[j, a, 0])**2
                 for b in range(columns):
                     turn += (grippers[i, a, b] - others[j, a, b])**2
                 shift += (places[i, a] - there[j, a])**2
@@ -359,7 +375,7 @@ def _cheapest(grippers: Floats, places: Floats, others: Floats, there: Floats, c
                 turn *= 0.5
             if turn > _FARTHEST**2 or shift > _SHIFT**2:
                 continue
-            cost = costs[j] + _TURN * (turn + shift)
+            cost = costs[j] + _TURN * (turn + shift) + roll * max(turn - swing, 0.0)
             if cost < out[i]:
                 out[i], best[i] = cost, j
     return out, best

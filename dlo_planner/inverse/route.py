@@ -186,6 +186,7 @@ class Threading:
     demands: Judge
     initial: Shape | None = None  # before. If None, the DLO is set down in its natural shape
     method: str = 'coupled'  # or 'nested', for waypoints
+    seen: bool = False  # whether the DLO was looked at in `start`
 
     def at_most(self, most: int) -> 'Threading':
         """Return a quick one: `most` of the depths, unreported; itself if there are no more."""

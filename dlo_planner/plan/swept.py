@@ -243,7 +243,8 @@ def _short(one: _Look, other: _Look, bends: Floats) -> tuple[float, float]:
         turn = angle_between(one.frames[arm].rotation, other.frames[arm].rotation)
         motions = _motion(one, other, arm), _motion(other, one, arm)
         moved = float(max(motion.max() for motion in motions))
-        lever = moved / max(turn, 1e-9) if moved > 1e-12 * length else 0.0
+        moved = moved if moved > _TINY * length else 0.0  # what rounding moves a DLO that is led on
+        lever = moved / max(turn, 1e-9)
         for k, (look, motion) in enumerate(zip((one, other), motions, strict=True)):
             levers = look.levers[arm]
             angles = np.maximum(turn, motion / np.maximum(levers, _TINY * length))

@@ -115,8 +115,9 @@ def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: Turns,
     cases = force.shape[0]
     out = np.zeros((2, cases, count + 1, modes))
     out[:, :, 0] = begin
-    place, speed = begin[0].copy(), begin[1] * rates[0]
-    factors, turned = np.empty((modes, modes)), np.empty(modes)
+    # what a step does is the same for all sets: `turning` is Cayley's transform (1 + A)^-1 (1 - A)
+    cosine, sine = np.empty((count, modes)), np.empty((count, modes))
+    turning, factors = np.empty((count, modes, modes)), np.empty((modes, modes))
     order = np.empty(modes, dtype=np.int64)
     for k in range(count):
         for m in range(modes):
@@ -124,39 +125,51 @@ def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: Turns,
             zeta = min(damping[k, m], 0.99)
             free = np.sqrt(1.0 - zeta * zeta)
             decay = np.exp(-zeta * w * step)
-            cosine, sine = decay * np.cos(free * w * step), decay * np.sin(free * w * step) / free
-            for c in range(cases):
-                still = force[c, k, m] / (w * w)
-                away, rate = place[c, m] - still, speed[c, m] / w
-                place[c, m] = still + away * cosine + (rate + zeta * away) * sine
-                speed[c, m] = w * (rate * cosine - (away + zeta * rate) * sine)
+            cosine[k, m] = decay * np.cos(free * w * step)
+            sine[k, m] = decay * np.sin(free * w * step) / free
         if turns.part[k] != 0.0:
             skew = turns.rates[turns.place[k]]
             for i in range(modes):
                 for j in range(modes):
                     factors[i, j] = turns.part[k] * skew[i, j]
+                    turning[k, i, j] = 0.0
                 factors[i, i] += 1.0
+                turning[k, i, i] = 2.0
             lu_factor(factors, order)
-        for c in range(cases):
-            if turns.part[k] != 0.0:
-                _turn(factors, order, place[c], turned)
-                _turn(factors, order, speed[c], turned)
+            lu_solve(factors, order, turning[k])
+            for i in range(modes):
+                turning[k, i, i] -= 1.0
+    place, speed, before = np.empty(modes), np.empty(modes), np.empty((2, modes))
+    for c in range(cases):
+        resting = True
+        for m in range(modes):
+            place[m], speed[m] = begin[0, c, m], begin[1, c, m] * rates[0, m]
+            resting = resting and place[m] == 0.0 and speed[m] == 0.0
+        for k in range(count):
+            if resting:  # a piece of a spline moves nothing before it begins
+                for m in range(modes):
+                    resting = resting and force[c, k, m] == 0.0
+                if resting:
+                    continue
             for m in range(modes):
-                out[0, c, k + 1, m] = place[c, m]
-                out[1, c, k + 1, m] = speed[c, m] / rates[k, m]
+                w = rates[k, m]
+                zeta = min(damping[k, m], 0.99)
+                still = force[c, k, m] / (w * w)
+                away, rate = place[m] - still, speed[m] / w
+                place[m] = still + away * cosine[k, m] + (rate + zeta * away) * sine[k, m]
+                speed[m] = w * (rate * cosine[k, m] - (away + zeta * rate) * sine[k, m])
+            if turns.part[k] != 0.0:
+                for m in range(modes):
+                    before[0, m], before[1, m] = place[m], speed[m]
+                    place[m] = speed[m] = 0.0
+                for i in range(modes):
+                    for j in range(modes):
+                        place[i] += turning[k, i, j] * before[0, j]
+                        speed[i] += turning[k, i, j] * before[1, j]
+            for m in range(modes):
+                out[0, c, k + 1, m] = place[m]
+                out[1, c, k + 1, m] = speed[m] / rates[k, m]
     return out
-
-
-@kernel
-def _turn(factors: Floats, order: Ints, y: Floats, turned: Floats) -> None:
-    """Turn y (m,) by Cayley's transform (1 + A)^-1 (1 - A) = 2 (1 + A)^-1 - 1, by 1 + A's factors.
-
-    `turned` (m,) is for use here.
-    """
-    turned[:] = y
-    lu_solve(factors, order, turned.reshape((turned.size, 1)))
-    for i in range(y.size):
-        y[i] = 2.0 * turned[i] - y[i]
 
 
 _PLACES = 17      # on a leg, at least, where modes are known

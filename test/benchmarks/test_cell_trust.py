@@ -130,12 +130,14 @@ def test_the_table_counts():
              one(refused='Infeasible: no', phase='look'),
              one(refused='Infeasible: no', phase='enter', depth=0.1, miss=1e-3, promised=2e-3),
              one(force=0.5, depth=0.1, miss=4e-3, promised=4.5e-3),
-             one(force=2.0), one(force=np.inf), one(miss=np.nan, depth=0.2),
+             one(force=2.0, pushed=0.06), one(force=np.inf, pushed=np.inf),
+             one(miss=np.nan, depth=0.2),
              one(**fine, stays=(Stay(2.0, 4.0, 9e-3, 2e-3), Stay(9.0, 12.0, 1e-3, 2e-3)))]
     row = dict(zip(cell_trust.HEADS, cell_trust.line('slip', found), strict=True))
     assert row == {'case': 'slip', 'runs': '10', 'happened': '10', 'clean': '4',
-                   'refused before the sheet': '1', 'in it': '1', 'touched': '3', 'rammed': '2',
-                   'missed': '1', 'errors': '0', 'covered': '5 of 6', 'largest miss [mm]': '4.00',
+                   'refused before the sheet': '1', 'in it': '1', 'touched': '3',
+                   'before the hole': '2', 'rammed': '2', 'missed': '1',
+                   'errors': '0', 'covered': '5 of 6', 'largest miss [mm]': '4.00',
                    'promised there [mm]': '4.50', 'struck inside': '1', 'CPU [s]': '2.0'}
     assert cell_trust.ended(found[2]) == 'clean, by more than promised'
     assert [cell_trust.ended(found[k]) for k in (5, 6, 8)] == ['touched', 'rammed', 'missed']
@@ -152,8 +154,33 @@ def test_what_was_asked_for_is_run(monkeypatch, tmp_path, capsys):
     assert cell_trust.main([*asked, '--seeds', '4:7']) == 1
     runs = [json.loads(line) for line in (tmp_path / 'trust.jsonl').read_text().splitlines()]
     assert [(run['case'], run['seed']) for run in runs] == [
-        (name, seed) for seed in (4, 5, 4, 5, 6) for name in ('slip', 'bump')]
-    assert '6 of 6' in capsys.readouterr().out
+        (name, seed) for seed in (4, 5, 6) for name in ('slip', 'bump')]  # none of them twice
+    assert '2 of 2' in capsys.readouterr().out
+
+
+def test_cases_of_one_task_are_asked_for_beside_those_of_all(monkeypatch, tmp_path):
+    monkeypatch.setattr(cell_trust, 'driven', lambda name, seed, driver, kind: {
+        **one(name if kind == 'thread' else f'{kind}, {name}'), 'seed': seed})
+    output = tmp_path / 'trust.jsonl'
+    assert cell_trust.main(['--cases', 'kink', 'oblique, nominal', 'kink + late stamps', '--jobs',
+                            '1', '--seeds', '4:6', '--output', str(output)]) == 0
+    runs = [json.loads(line) for line in output.read_text().splitlines()]
+    assert [(run['case'], run['seed']) for run in runs] == [
+        (name, seed) for seed in (4, 5)
+        for name in ('kink', 'oblique, nominal', 'kink + late stamps')]
+
+
+def test_the_claims_count_pushes_before_the_hole_and_the_bound_of_each_case():
+    fine = {'threaded': True, 'depth': 0.7, 'miss': 1e-3, 'promised': 2e-3}
+    inside = one(force=0.5, **fine)
+    untold = {name: value for name, value in inside.items() if name != 'pushes'}
+    struck = one('bump', force=0.06, pushed=0.06, **fine, stays=(Stay(3.5, 9.0, 1e-3, 2e-3),))
+    told = {words: (count, runs) for words, count, runs, *_ in cell_trust.claims(
+        [one(**fine), inside, one('bump', force=0.06, pushed=0.06, **{**fine, 'miss': 3e-3}),
+         untold, struck])}
+    assert told['pushed by more than a touch before the hole, unless struck there'] == (2, 4)
+    assert told['the bound covers the miss, slip'] == (3, 3)
+    assert told['the bound covers the miss, bump'] == (0, 1)
 
 
 def test_the_page_shows_the_runs_that_are_kept(tmp_path):
@@ -185,8 +212,10 @@ def test_other_tasks_are_always_the_same_and_have_room(kind):
     task = other_tasks.draw_other(kind, 3, cell_trust.DLO, cell_trust.RADIUS)
     assert task == other_tasks.draw_other(kind, 3, cell_trust.DLO, cell_trust.RADIUS)
     assert task != other_tasks.draw_other(kind, 4, cell_trust.DLO, cell_trust.RADIUS)
-    count = {'two': 2, 'three': 3, 'insert': 1, 'hold': 0}[kind]
-    assert len(task.cutouts) == count and task.room == pytest.approx(4.25e-3)
+    count = {'two': 2, 'three': 3, 'insert': 1, 'hold': 0, 'oblique': 1}[kind]
+    assert len(task.cutouts) == count
+    assert task.room == (pytest.approx(4.25e-3) if kind != 'oblique' else pytest.approx(
+        task.radius - task.rod.radius))
     assert len(task.obstacles) == len(task.bodies) == max(count, 1)
     if kind == 'insert':  # the bore begins at its mouth
         bore, = task.bodies

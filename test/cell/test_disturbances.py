@@ -319,8 +319,45 @@ def test_each_stay_in_the_hole_has_its_promise():
     first, second = outcome.stays
     assert 0 < first.begin < first.end < second.begin < second.end
     assert [stay.promised for stay in outcome.stays] == [1e-3, 1.0]
-    assert outcome.miss == max(first.miss, second.miss)
+    assert outcome.miss == pytest.approx(max(first.miss, second.miss), rel=1e-6)  # straight in
     assert (outcome.promised, said(outcome)['covered']) == (1e-3, False)
+
+
+def test_what_is_promised_of_a_slanted_dlo_is_judged_across_it():
+    slanted = CutOut(Pose.looking_along(TASK.cutout.center, (np.cos(0.6), np.sin(0.6), 0)),
+                     radius=TASK.radius)
+
+    def driver(task):
+        def command(images, time, gripper):
+            forth = Pose(task.start.position + (0.3 * time, 0, 0), (0, 0, 0, 1))
+            return forth if time < 1.0 else None
+        command.promised = 2.2e-3
+        return command
+
+    start = Pose((-0.45, 2e-3, 1.0), (0, 0, 0, 1))
+    outcome = seen(replace(TASK, start=start, cutout=slanted), driver)
+    stay, = outcome.stays
+    assert stay.miss == pytest.approx(2e-3, rel=0.01)
+    assert outcome.miss == pytest.approx(2e-3 / np.cos(0.6), rel=0.01)
+    assert said(outcome)['covered']
+
+
+def test_what_it_pushes_before_the_hole_is_told_from_what_it_touches_in_it():
+    def driver(task):
+        def command(images, time, gripper):
+            aside = max(time - 1.5, 0.0) * task.start.position[1]  # in the hole it goes to the rim
+            forth = Pose(task.start.position + (0.3 * min(time, 1.0), -20 * aside, 0), (0, 0, 0, 1))
+            return forth if time < 3.0 else None
+        return command
+
+    inside, before = (seen(replace(TASK, start=Pose((-0.45, y, 1.0), (0, 0, 0, 1))), driver)
+                      for y in (1e-3, 0.03))
+    assert inside.touched
+    assert not inside.pushes
+    assert inside.pushed < 1e-9
+    assert before.pushes
+    assert before.pushed == before.force
+    assert before.depth == 0
 
 
 def test_a_wild_motion_is_no_refusal():

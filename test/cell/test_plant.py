@@ -275,6 +275,16 @@ def test_of_two_places_in_the_plane_the_farther_one_counts():
         assert passage.y == pytest.approx(other - y, abs=2e-3)
 
 
+def test_how_far_a_slanted_dlo_is_off_is_measured_across_it():
+    straight = hung()  # along x, 3 mm beside the center of a hole that is turned about z, and y
+    for normal in ((1, 1, 0), (1, 0, 1)):
+        passage = straight.passage(CutOut(Pose.looking_along(
+            np.array((0.5, 0, 1)) + (0, 0.003, 0), normal)))
+        # in its plane the one is farther off than across the DLO by 1 / cos, the other not
+        assert passage.miss == pytest.approx(0.003 / (np.sqrt(0.5) if normal[1] else 1), abs=1e-6)
+        assert passage.off == pytest.approx(0.003, abs=1e-6)
+
+
 def test_all_masses_are_true_ones():
     rod = beam(radius=None, tip_mass=0.05, point_masses=((0.6, 0.03),))
     tips = [Plant(rod, at(), gravity=(0, 0, -0.5), cells=12, truth=truth).tip.position

@@ -12,6 +12,7 @@ from oblique_plans import DEPTHS as OBLIQUE_DEPTHS
 from oblique_plans import HOLE as LEVEL
 from oblique_plans import WIRE as SOFT
 from oblique_plans import Obliquely, oblique_plan
+from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
     Box,
@@ -513,6 +514,8 @@ def test_the_room_of_a_task_is_that_of_its_plan():
     inside = replace(plan, clearances=np.full_like(plan.clearances, -1e-3))
     with pytest.raises(InvalidTask, match='planned_room = -0.00.*: expected more than 0 m'):
         goal.of_plan(inside)
+    with pytest.raises(InvalidTask, match="obliquely = 'yes'"):
+        replace(goal, obliquely='yes')
 
 
 def test_an_oblique_plan_is_not_entered_with_a_miss_that_the_rim_alone_would_allow():
@@ -534,6 +537,24 @@ def test_the_way_to_the_standoff_is_as_calm_as_the_room_of_the_plan_asks(monkeyp
     motion = way_to_standoff(goal, estimate, here)
     assert motion.planned_room == pytest.approx(LEAST, rel=0.01)
     assert asked == [max(1e-3, 0.25 * motion.planned_room)]
+
+
+def test_the_way_in_does_not_turn_what_looks_did_not_tell():
+    bent = replace(SOFT, natural_curvature=(0.1, -0.15))  # as it is estimated
+    simulator = DirectSimulator(bent)
+    goal = LoopTask(InverseSimulator(simulator), Thread(LEVEL, OBLIQUE_DEPTHS), 0.02)
+    estimate = DloEstimator(simulator, EstimatorConfig(SOFT_SPREAD)).estimate
+    before = InverseSimulator(simulator).plan(goal.task)
+    first = before.grippers[0]
+    rolled = first.compose(Pose((0, 0, 0), (np.sin(-0.5), 0, 0, np.cos(-0.5))))
+    here = Pose(rolled.position - 0.02 * LEVEL.normal, rolled.quaternion)
+    way, through = goal.of_plan(before).ways(estimate, here, 0.0)
+    assert through.misalignment.max() > 0.1
+    for pose in (*way.grippers, *through.grippers):
+        turn = Rotation.align_vectors(pose.direction[None], here.direction[None])[0]
+        rolls = Rotation.from_matrix(pose.rotation) * (
+            turn * Rotation.from_matrix(here.rotation)).inv()
+        assert rolls.magnitude() < 0.3
 
 
 @pytest.mark.parametrize('bound', [0.8, 1.5])

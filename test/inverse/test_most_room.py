@@ -5,6 +5,7 @@
 import pickle
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -30,9 +31,10 @@ from dlo_planner.direct.statics import step
 from dlo_planner.inverse import most_room, reachable
 from dlo_planner.inverse.reachable import reachable_shapes
 from dlo_planner.inverse.route import Threading
+from dlo_planner.inverse.tasks.thread import ThreadLookedAt
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.checks import Judge
-from dlo_planner.plan.margin import expected_misses, rating, uncertain_state, upright_room
+from dlo_planner.plan.margin import expected_misses, rating, uncertain_state, unseen, upright_room
 from dlo_planner.progress import Progress
 from dlo_planner.tasks import Requirements
 
@@ -401,3 +403,53 @@ def test_of_few_waypoints_no_oblique_plan_replaces_one_along_the_normal():
 @pytest.mark.parametrize('depths', [[0.0], [0.1], [0.05, 0.05]])
 def test_one_waypoint_may_be_all(depths):
     assert len(plan(WIRE, hole(-20), depths=depths)) == len(depths)
+
+
+def roll(before, after):
+    """Return by how much one Pose is rolled from another, rad: what their directions do not ask."""
+    turn = Rotation.align_vectors(after.direction[None], before.direction[None])[0].as_matrix()
+    return np.linalg.norm(Rotation.from_matrix(
+        after.rotation @ (turn @ before.rotation).T).as_rotvec())
+
+
+@pytest.mark.parametrize('before', [True, None])
+def test_what_is_not_known_of_a_dlo_that_was_looked_at_is_not_turned(before):
+    rod = replace(WIRE, natural_curvature=(0.1, -0.15))  # as a loop estimates it
+    inverse = InverseSimulator(DirectSimulator(rod, gravity=GRAVITY))
+    depths = np.linspace(0, 0.14, 6)
+    first, = inverse.thread(hole(-10), depths=[0.0]).grippers
+    start = Pose.from_rotation(first.position, first.rotation @ Rotation.from_euler(
+        'x', -1.0).as_matrix())
+    free, kept = (inverse.plan(task, start=start, requirements=Requirements(
+        uncertainty=unseen(rod))) for task in (
+            Thread(hole(-10), depths), ThreadLookedAt(hole(-10), depths,
+                                                            obliquely=before)))
+
+    def rolls(plan):
+        return sum(roll(*pair) for pair in pairwise(plan.grippers))
+
+    assert kept.misalignment.max() > 0.1
+    assert rolls(kept) < 0.1
+    assert rolls(free) > 0.3
+    assert kept.margin.min() > 0.9 * free.margin.min()
+    assert roll(start, kept.grippers[0]) < 0.3
+    assert roll(start, free.grippers[0]) > 1
+
+
+def test_a_dlo_that_was_looked_at_passes_as_it_was_led_there():
+    inverse, depths = InverseSimulator(DirectSimulator(WIRE, gravity=GRAVITY)), [0.0, 0.05, 0.1]
+    cutout = hole(-30)  # which both ways pass
+
+    def misalignment(task):
+        return inverse.plan(task).misalignment.max()
+
+    along, obliquely = (misalignment(ThreadLookedAt(cutout, depths, obliquely=before))
+                        for before in (False, True))
+    assert along < 1e-6
+    assert obliquely > 0.05
+    free = misalignment(Thread(cutout, depths))
+    assert misalignment(ThreadLookedAt(cutout, depths)) == pytest.approx(free, abs=0.05)
+    with pytest.raises(InvalidTask, match='obliquely'):
+        ThreadLookedAt(cutout, depths, obliquely=1.5)
+    # where there is no way of its kind any more, the other one
+    assert misalignment(ThreadLookedAt(hole(0), depths, obliquely=False)) > 0.05

@@ -404,12 +404,23 @@ class Thread(Task):
         try:
             if room <= 0:  # no direction is better
                 return along()
-            return _with_room(along, partial(thread_with_most_room, free, task, most), room,
-                              partial(best_rating, free, task.demands.uncertainty, room),
-                              partial(missed_between, free))
+            return self._chosen(along, partial(thread_with_most_room, free, task, most), partial(
+                _with_room, room=room, best=partial(best_rating, free, task.demands.uncertainty,
+                                                    room),
+                missed=partial(missed_between, free)))
         except Infeasible as error:
             error.advise = partial(advice, free, task, most)
             raise
+
+    def _chosen(self, along: Callable[[], Plan], oblique: Callable[[], Plan],
+                choose: Callable[[Callable[[], Plan], Callable[[], Plan]], Plan]) -> Plan:
+        """Return the Plan along the normal or the oblique one, as `choose` does."""
+        return choose(along, oblique)
+
+    @property
+    def seen(self) -> bool:
+        """Whether the DLO was looked at where it starts."""
+        return False
 
     @property
     def held_inside(self) -> float | None:
@@ -426,7 +437,8 @@ class Thread(Task):
 
         def planned(depths: Floats) -> Plan:
             free, task = front.without_obstacles, Threading(
-                (self.cutout,), depths, front.start, front.demands, front.initial, self.method)
+                (self.cutout,), depths, front.start, front.demands, front.initial, self.method,
+                self.seen)
             solve = partial(self._threaded, free, task)
             return solve() if inside is None else inside.planned(solve)
 
@@ -435,3 +447,50 @@ class Thread(Task):
             return plan
         kept = trim_to_clearance(plan, self.cutout, self.gripper_clearance, self.depths is None)
         return kept if len(kept) == len(plan) else kept_between(kept, demands)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ThreadLookedAt(Thread):
+    """A Thread of a DLO that was looked at where it starts.
+
+    What looks leave unknown of how it is bent and held is hardly a miss while the gripper stands as
+    it stood then, and turns with it: where it passes obliquely, the gripper rolls as little as it
+    can from there on. Before the hole, it passes along the normal or obliquely as was planned when
+    it was led there, whichever would leave a little more room now: it would have to be led past the
+    sheet to where the other way begins. Where that is not possible any more, it passes as it can.
+
+    Attributes
+    ----------
+    obliquely : bool or None
+        Whether it was to pass obliquely when it was led to where it starts. None: it was not led
+        there for that.
+    """
+
+    obliquely: bool | None = None
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, cutout: CutOut, depths: ArrayLike | None = None,
+                     method: str = 'coupled', gripper_clearance: float | None = None,
+                     as_deep_as_possible: bool = False, max_misalignment: float | None = None,
+                     hold_at: float | None = None,
+                     obliquely: bool | None = None) -> None: ...
+
+    def __post_init__(self) -> None:
+        if self.obliquely is not None:
+            flag('obliquely', self.obliquely)
+        super().__post_init__()
+
+    @property
+    def seen(self) -> bool:
+        """Whether it was looked at where it starts."""
+        return True
+
+    def _chosen(self, along: Callable[[], Plan], oblique: Callable[[], Plan],
+                choose: Callable[[Callable[[], Plan], Callable[[], Plan]], Plan]) -> Plan:
+        """Return the Plan of the kind that it was, if there is one."""
+        if self.obliquely is None:
+            return choose(along, oblique)
+        try:
+            return oblique() if self.obliquely else along()
+        except Infeasible:
+            return choose(along, oblique)
