@@ -131,7 +131,7 @@ def test_what_is_outside_keeps_away_from_obstacles():
 def test_what_cannot_be_calm_or_is_not_known_is_refused(monkeypatch):
     direct, plan = planned(WIRE)
     monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)
-    with pytest.raises(Infeasible, match='not calm: miss in motion') as caught:
+    with pytest.raises(Infeasible, match='does not come to rest: miss in motion') as caught:
         Trajectory(plan, tolerance=1e-8)
     assert caught.value.constraint == 'miss' and caught.value.amount > 0
     inside = InverseSimulator(direct).insert(BORE, depths=[0.1, 0.2, 0.3])
