@@ -172,7 +172,7 @@ def test_it_shows_its_dlo_and_follows_commands(cell):
     assert (values['threaded'], values['depth [m]'], values['largest force [N]'],
             values['struck inside']) == ('False', '0', '0', 'False')
     assert values['largest miss [m]'] == values['its y [m]'] == values['its z [m]'] == 'nan'
-    cell.node._worst = Passage(0.02, 5e-3, 3e-3, -4e-3)
+    cell.node._worst = Passage(0.02, 5e-3, 3e-3, -4e-3, 5e-3)
     _, values = cell.said(lambda _, values: values['its y [m]'] != 'nan')
     worst = [float(values[f'{name} [m]']) for name in ('its y', 'its z', 'its depth')]
     assert worst == [3e-3, -4e-3, 0.02] and float(values['largest miss [m]']) == 5e-3
