@@ -67,9 +67,10 @@ class Cell:
     def robot_is(self, arm, positions, **others):
         self.description.publish(String(data=arm.urdf))
         known = dict(zip(arm.joints, map(float, positions), strict=True)) | others
-        self.until(lambda: self.states.get_subscription_count() == 1)
+        # (it is published once: joints of an arm that is not known yet say nothing of its tool)
+        self.until(lambda: self.output._description and self.states.get_subscription_count() == 1)
         self.states.publish(JointState(name=list(known), position=list(known.values())))
-        self.until(lambda: self.output._description and self.output._positions)
+        self.until(lambda: self.output._positions)
 
     def close(self):
         self.executor.shutdown()
