@@ -84,8 +84,10 @@ _ROUGH, _MOST = (1e-3, 1e-3, 1e-6, 1e-9, 1e-9), (12, 48, 100, 100, 400)
 _SLIDES, _EXCHANGES, _CHOICES = 4, 8, 3
 # Times the violation aimed at, in the last attempt: a stiff part that lies along a body keeps it.
 _STIFF = 100.0
-# Of the flow: at rest with such a residual, at first and well; steps at most; how often it leaves
-# a saddle. What is as near (`_CLOSE`) is brought to rest exactly, with so many Newton steps.
+# Of the flow: at rest with such a residual, at first and well; steps at most until the first rest,
+# and from there to the second; how often it leaves a saddle, with a shift of at least so many times
+# the size of its eigenvalue (with twice the size, what has left doubles in each step). What is as
+# near (`_CLOSE`) is brought to rest exactly, with so many Newton steps.
 _RESTS, _RESTS_WELL, _MOST_FLOW, _MOST_FINER, _MOST_FALLS = 1e-6, 1e-9, 250, 30, 3
 _LEAVES, _CLOSE, _POLISH = 2.0, 1e-4, 6
 # Points that bear of a DLO that lies on something; attempts that are made before, where fewer do

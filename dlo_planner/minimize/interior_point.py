@@ -16,9 +16,10 @@ at its own place, where it leaves a spring of 3 x 3 numbers: a Newton step costs
 elements, however many contacts there are. Where |v| would only follow, as of what slides far, its
 derivative is regarded, a part that is not symmetric and is left to a Krylov method.
 
-Near the end, where it is known what bears, sticks and slides, a semismooth Newton method on the
-same equations takes a few steps instead of ten, and ends in the laws themselves. What slides
-couples friction with the normal force, which is left to the same Krylov method over the sweep.
+Before it a semismooth Newton method on the same equations is tried (`exact_step`). It begins with
+what bears, sticks and slides by now, takes a few steps instead of ten, and ends in the laws
+themselves. Each of its steps is made as far as these are kept best along it. What slides couples
+friction with the normal force, which is left to the same Krylov method over the sweep.
 
 Contacts give a little under changes of their forces since the step before (a proximal method):
 else nothing would decide how points share a force that lie along an obstacle. What they give

@@ -82,10 +82,12 @@ _SLIGHTLY = 1e-2  # times the first one: one that hardly counts
 _LARGER, _SMALLER = 4.0, 0.1  # most and least that it is multiplied by
 _AIM, _BAD = 0.3, 1.0  # wrong part of the gradient after a step: as it should be; too large
 _EASY, _QUIET = 0.02, 1e-3  # rad, residual: after such a step contacts hardly change
-# rad, steps: so far a DLO has left a saddle, in so many steps at most
+# A DLO has left a saddle once it has turned by so much, rad, or after so many steps: before, a step
+# of Newton's method would lead back; with more, another equilibrium is near
 _AWAY, _LEAVING = 0.1, 40
 _DEEPER = 0.3     # of a step: how much deeper than foreseen it may bring a contact
-_DEEPEST = 2e-3   # of the length: the same, however far it goes
+_DEEPEST = 2e-3   # of the length, about a radius: the same, however far it goes. Deeper in a thin
+# body the other side is nearer
 _SLIGHT = 1e-5    # of the length: a depth that is always allowed
 _DEPTH = 10.0     # times the residual, of the length: how deep a contact may be at the end
 _SOFT = 1e-10     # of the loads per length: springs that hardly push
