@@ -176,11 +176,10 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
         kicks = 0  # what falls through obstacles falls nowhere
     # (a DLO that is set down has no way along which it could have rubbed; what moves or is held has
     # more to obey; between few points a series waves, and relaxation is as quick)
-    may_flow = not (on_a_way or past.shape[0] == 0 or has_inertia(system.effects.anchor)
-                    or row_count(system.needs.border) > 0)
+    may_flow = not (on_a_way or past.shape[0] == 0 or has_inertia(system.effects.anchor))
     while max_iterations > 0:
         many = _bearing(there.effects.contact.contacts) >= _MANY
-        flows = (may_flow and not tried and attempt == (0 if many else _TRIES)
+        flows = (may_flow and not tried and (many or attempt >= _TRIES)
                  and (many or system.basis.shape[1] == 0))
         # (what lies on many points hardly ever goes on bearing by the same ones, and to exchange
         # them one by one takes the time of many steps of the flow)

@@ -545,7 +545,7 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
         else:
             x[a, 0], z[a, 0] = push, w
     couples = False
-    more, done, falls, lost, bad, part = 0.0, False, False, 0, 0, 1.0
+    more, done, falls, lost, bad, part, stood = 0.0, False, False, 0, 0, 1.0, False
     for iteration in range(_MOST):
         mean = wrong = 0.0
         for a in range(count):
@@ -595,8 +595,9 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
         assemble(system, state, hessian)
         bad = factorize(system, hessian, shift)
         lost = 0 if bad == 0 else lost + 1
+        again, stood = stood and bad > 0, stood or bad == 0 and iteration > 0
         more = 0.0 if bad == 0 or count == 0 else 0.25 * more
-        if bad > 0 and (count == 0 or mean <= last or near or lost > _LOST):
+        if bad > 0 and (count == 0 or mean <= last or near or again or lost > _LOST):
             bad, shift = _standing(system, hessian, shift, floor, most)
             if bad > 0:
                 falls = True

@@ -112,7 +112,10 @@ def settle(system, q, previous, rough, most, flow):
     and its least while the DLO leaves a saddle: with a smaller one the flow would lead back. The
     last value returned is whether the DLO does not stand there with a smaller one.
     """
-    length, hold = np.sum(system.lengths), system.effects.hold
+    hold, length = system.effects.hold, np.sum(system.lengths)
+    # (springs of what is held would push against what a step turns to second order)
+    system = _with_hold(system, replaced(hold, 'stiffness', 0.0, 'turn_stiffness', 0.0))
+    hold, held = system.effects.hold, hold
     rigidity = bending_energy(system) / length
     loads, reaction, whole = (np.sum(np.abs(system.effects.load.pull)), no_reaction(system),
                               loads_on(system))
@@ -196,7 +199,13 @@ def settle(system, q, previous, rough, most, flow):
         falls = found < 1 or shift > tried
         shift = next_shift(shift, error, tried, floor)
     flow[0], flow[1] = shift if shift < largest else 0.0, 0.0
-    return loaded, state.q, steps, residual, falls
+    return _with_hold(loaded, held), state.q, steps, residual, falls
+
+
+@kernel
+def _with_hold(system, hold):
+    """Return the same Problem with other HoldRows."""
+    return replaced(system, 'effects', replaced(system.effects, 'hold', hold))
 
 
 @kernel
