@@ -21,7 +21,14 @@ import numpy as np
 from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import Grips, equilibrium, frame_inside, grips_at, work_of_grips
+from dlo_planner.direct.statics import (
+    Grips,
+    equilibrium,
+    frame_inside,
+    grips_at,
+    lies,
+    work_of_grips,
+)
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
 from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed
@@ -37,9 +44,8 @@ Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, holds, `S
 LONGEST_TURN = 0.25     # rad: longer steps of the gripper are cut in any case
 _LONGEST_SHIFT = 0.05   # of the length: the same, of a DLO that touches
 _SHORTEST = 5e-5        # rad and of the length: of parts in which a leap counts as a jump
-# The same of a DLO that lies on something, with so many contacts at least: where it lets go depends
-# on friction by more
-_SHORTEST_LYING, _LYING = 2e-3, 4
+# The same of a DLO that lies on something: where it lets go depends on friction by more
+_SHORTEST_LYING = 2e-3
 _LEAST, _MOST = 3, 14   # how often a step in doubt may be halved
 _FAILURES = 7           # the same, where no equilibrium is found
 _AFTER = 3              # the same, for what comes after a jump
@@ -77,9 +83,19 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
     """Return what `follow` does."""
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
     way = _way(previous, goal)
-    if last or not _is_long(way, bool(previous.contacts), at_once):
-        lies = bool(previous.contacts) and not goal.holds
-        if lies and not last:
+    lying = (not last and way.size > 2.0 * _SHORTEST_LYING and not goal.holds
+             and lies(previous) and not _is_long(way, True, at_once))
+    if lying:
+        even, half, end = _evenly(solve, previous, goal)
+        if even and not _comes_off(previous, end):
+            shape = _led(previous, end)
+            if shape.passed_itself is False:
+                return shape
+            shape = None
+        failed = not half.converged
+    elif last or not _is_long(way, bool(previous.contacts), at_once):
+        bears = bool(previous.contacts) and not goal.holds
+        if bears and not last:
             most = _ANY_TURN
         elif not (last or at_once or previous.contacts or goal.holds):
             most = _LEAP + _FOLLOWING * way.turn
@@ -96,7 +112,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
                     return shape  # else shorter ways tell whether it really does
         elif last:
             return _led(previous, _jumped(shape))
-        elif ((good or lies and _keeps_energy(previous, shape))
+        elif ((good or bears and _keeps_energy(previous, shape))
               and not _is_long(way, touches, at_once)
               and not (way.size > _OFF and _comes_off(previous, shape))):
             agree, half, end = _by_halves(solve, previous, goal, shape)
@@ -107,13 +123,13 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
         failed = not shape.converged and most in (np.inf, _ANY_TURN)
     whole = halvings is None
     if halvings is None:
-        lies = not goal.holds and len(previous.contacts) >= _LYING
-        parts = max(way.size / (_SHORTEST_LYING if lies else _SHORTEST), 1.0)
+        shortest = _SHORTEST if goal.holds or not lies(previous) else _SHORTEST_LYING
+        parts = max(way.size / shortest, 1.0)
         halvings = min(max(ceil(log2(parts)), _LEAST), _MOST)
     left = (min(halvings, _FAILURES) if failed else halvings) - 1
     middle = _followed(solve, previous, _partway(previous, goal), False, left, half)
     if not middle.converged:
-        if shape is None:
+        if shape is None and not (whole and lying):
             return _jumped(middle)
         return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
     while True:
@@ -121,6 +137,8 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
                 and not goal.holds):
             return middle  # what is left of the way is for the step that all of it began with
         rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
+        if not rest.converged and whole and lying:
+            return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
         if not rest.converged and shape is not None and shape.converged:
             # the whole step has an end, which its parts do not reach
             return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
@@ -153,6 +171,23 @@ def _either(one: Shape, other: Shape) -> bool | float:
                 next((passed for passed in both if passed is not False), False))
 
 
+def _evenly(solve: Equilibrium, previous: Shape, goal: Grips) -> tuple[bool, Shape, Shape]:
+    """Return whether two half steps change a DLO that lies about as much; the Shapes after them.
+
+    What leaps does so in one of them. Its friction depends on how long steps are, and contacts come
+    and go in most of them: to make the whole step as well would tell no more.
+    """
+    there = _partway(previous, goal)
+    first = solve(there.gripper, previous, there.holds, _ANY_TURN)
+    if not _keeps_energy(previous, first):
+        return False, first, first
+    end = solve(goal.gripper, first, goal.holds, _ANY_TURN)
+    if not _keeps_energy(first, end):
+        return False, first, first
+    change = max(shape_change(previous, first), shape_change(first, end))
+    return (change <= max(_LEAP_OFF, _EVENLY * shape_change(previous, end)), first, end)
+
+
 def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
                shape: Shape) -> tuple[bool, Shape, Shape]:
     """Return whether two half steps lead to `shape` as well; and the Shapes after these.
@@ -160,8 +195,8 @@ def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
     They do not where one of them alone changes as much as both: what leaps does so in any step.
     """
     there = _partway(previous, goal)
-    lies = bool(previous.contacts) and not goal.holds
-    most, follows = (_ANY_TURN, _keeps_energy) if lies else (np.inf, sound)
+    bears = bool(previous.contacts) and not goal.holds
+    most, follows = (_ANY_TURN, _keeps_energy) if bears else (np.inf, sound)
     first = solve(there.gripper, previous, there.holds, most)
     if not follows(previous, first, _way(previous, there)):
         return False, first, first
@@ -174,13 +209,13 @@ def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
     return agree, first, end
 
 
-def _to_its_end(solve: Equilibrium, previous: Shape, goal: Grips, shape: Shape,
+def _to_its_end(solve: Equilibrium, previous: Shape, goal: Grips, shape: Shape | None,
                 most: float) -> Shape:
     """Return where a step leads that was given up, or is a fall; else its Shape as it is.
 
-    `most`: with which it was found, see `StepInputs`.
+    `most`: with which it was found, see `StepInputs`; it may not have been looked for yet (None).
     """
-    if most == np.inf or (not shape.state.kicks if shape.converged else most == _ANY_TURN):
+    if shape is not None and (most == np.inf or shape.converged and not shape.state.kicks):
         return shape
     return solve(goal.gripper, previous, goal.holds, np.inf)
 

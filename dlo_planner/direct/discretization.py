@@ -179,19 +179,14 @@ class Memory(Value):
         return past
 
     def resampled(self, s: Floats) -> Memory:
-        """Return the same past on another mesh `s` (n + 1,), m; forces where a node stays."""
+        """Return the same past on another mesh `s` (n + 1,), m."""
         if s is self.s or np.array_equal(s, self.s):
             return self
         positions, tangents, force = self.positions, self.tangents, self.node_force
         if len(positions):
             curve = scipy.interpolate.CubicHermiteSpline(self.s, positions, tangents)
             positions, tangents = curve(s), curve(s, 1)
-        if len(force):
-            tiny = _SAME_NODE * s[-1]
-            at = np.minimum(np.searchsorted(self.s, s - tiny), self.s.size - 1)
-            force = force[:, at] * (np.abs(self.s[at] - s) < tiny)
-        else:
-            force = np.zeros((0, s.size))
+        force = _shared_out(self.s, s, force)
         of_set = self.original_set or (self.s, self.plastic)
         lasts = self.has_set
         plastic = set_on(s, *of_set) if lasts else np.zeros((s.size - 1, self.plastic.shape[1]))
@@ -243,6 +238,20 @@ def _filed(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], lowest:
         raise InvalidTask(f'past_{name} = {shown(value.tolist())}: expected finite '
                           f'{"integers" if kind is int else "numbers"} of shape {shape}{limits}')
     return value.astype(kind)
+
+
+def _shared_out(old: Floats, s: Floats, force: Floats) -> Floats:
+    """Return forces (M, n + 1) on the nodes `s` next to those on nodes `old`, (M, N + 1).
+
+    Each goes to the two nodes beside it, by its lever, and none to the gripper's.
+    """
+    at = np.clip(np.searchsorted(s, old - _SAME_NODE * s[-1]), 2, s.size - 1)
+    part = np.clip((old - s[at - 1]) / (s[at] - s[at - 1]), 0.0, 1.0)
+    part[np.abs(old - s[at]) < _SAME_NODE * s[-1]] = 1.0
+    shared = np.zeros((len(force), s.size))
+    np.add.at(shared.T, at, (force * part).T)
+    np.add.at(shared.T, at - 1, (force * (1.0 - part)).T)
+    return shared
 
 
 def set_on(wanted: Floats, s: Floats, plastic: Floats) -> Floats:

@@ -115,11 +115,18 @@ class StepInputs(NamedTuple):
     method: str = 'newton'        # as of `DirectSimulator`, like `strains`
     strains: str = 'components'
     # rad, by which a DLO that hangs freely may turn, see `Watch`; if it is finite, a fall onto
-    # obstacles or along them is wanted no more exactly than the first mesh has it
+    # obstacles or along them is wanted no more exactly than the first mesh has it, and what is not
+    # found soon is sought in smaller parts
     most: float = np.inf
 
 
 ALONE = StepInputs()
+_LYING = 4  # contacts
+
+
+def lies(shape: Shape) -> bool:
+    """Return whether a DLO lies on something with several points, and nothing else holds it."""
+    return len(shape.contacts) >= _LYING and not shape.holds
 
 
 def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepInputs = ALONE,
@@ -216,8 +223,11 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: S
     if newton and initial is None and holds:
         shape = held_nearby(mesh, gripper, strains, past, holds, culled, watch)
     if shape is None:
+        search = search_of(mesh, gripper, holds)
+        if how.most < np.inf and initial is not None and lies(initial):
+            search = search._replace(steps=_IN_PARTS)
         shape = equilibrium(mesh, gripper, strains, past, holds, method=how.method,
-                            culled=culled, watch=watch)
+                            culled=culled, watch=watch, how=search)
         if (newton and initial is None and not shape.converged and places_of(holds)
                 and not mesh.obstructed and _may_come_out(mesh, gripper, holds)):
             shape = _joined(mesh, gripper, past, holds) or shape
@@ -619,6 +629,7 @@ _SLACK = 1e-3          # of the slack: the same, as the DLO pulls the tighter th
 _GRIP_EXACT = 1e-4     # of the slack: what is aimed at
 _LEAST_SLACK = 1e-10   # of the length: slack that is looked at
 _IN_VAIN = 30          # Newton steps towards what is out of reach
+_IN_PARTS = 300        # the same, of what lies on something and may be sought in smaller parts
 
 
 class Watch(NamedTuple):
