@@ -10,6 +10,7 @@ balance of forces, and by how much friction exceeds Coulomb's cone.
     python -m benchmarks.scenes laid edge      some of them
     python -m benchmarks.scenes --cap 20       no more than 20 s of CPU time for a scene
     python -m benchmarks.scenes --drawn 1      the same with other rods and frictions, of this seed
+    python -m benchmarks.scenes --default      on the meshes that the default accuracy takes
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from dlo_planner import (
     CutOut,
     DeadlineExceeded,
     DirectSimulator,
+    FarEnd,
     Plane,
     Pose,
     Rod,
@@ -154,6 +156,32 @@ SCENES: dict[str, Callable[[], Scene]] = {
     'hole': _hole, 'bar': _bar, 'channel': _channel, 'ball': _ball}
 
 
+def _both_down() -> tuple[Scene, list[Pose]]:
+    down = np.linspace(0.6, 0.05, 20)
+    return (CABLE, [table(0.4)], [pose(0, 0, z) for z in down]), [pose(0.7, 0, z) for z in down]
+
+
+def _one_down() -> tuple[Scene, list[Pose]]:
+    poses = [pose(0, 0, z, 0, 20) for z in np.linspace(0.6, 0.05, 20)]
+    return (CABLE, [table(0.4)], poses), [pose(0.8, 0, 0.03)] * 20
+
+
+def _drawn_aside() -> tuple[Scene, list[Pose]]:
+    poses = [pose(0, y, 0.05, 0, 20) for y in np.linspace(0, 0.3, 20)]
+    return (CABLE, [table(0.4)], poses), [pose(0.8, 0, 0.05, 0, -20)] * 20
+
+
+def _over_a_bar() -> tuple[Scene, list[Pose]]:
+    bar, down = Capsule((0.8, -1, 0), (0.8, 1, 0), 0.03, friction=0.3), np.linspace(0.6, -0.1, 20)
+    return (HOSE, [bar], [pose(0, 0, z) for z in down]), [pose(1.5, 0, z) for z in down]
+
+
+# The same with a second grip at the tip, and where that goes
+HELD: dict[str, Callable[[], tuple[Scene, list[Pose]]]] = {
+    'both-down': _both_down, 'one-down': _one_down, 'drawn-aside': _drawn_aside,
+    'over-a-bar': _over_a_bar}
+
+
 def drawn(name: str, seed: int) -> Scene:
     """Return a scene with other frictions, 0.2 to 0.8, and a stiffer or softer rod, if round."""
     rod, bodies, poses = SCENES[name]()
@@ -207,6 +235,8 @@ def unbalanced(shape: Shape, rod: Rod) -> float:
     weight = rod.mass_per_length * rod.length * np.array(GRAVITY)
     loads = [np.asarray(one.vector) for one in shape.contacts]
     total = weight + shape.gripper_wrench[:3] + sum(loads, np.zeros(3))
+    if shape.far_end is not None:
+        total += shape.far_wrench[:3]
     return float(np.linalg.norm(total) / (np.linalg.norm(weight)
                                           + sum(float(np.linalg.norm(one)) for one in loads)))
 
@@ -217,15 +247,19 @@ def beyond_cones(shape: Shape, bodies: list[Obstacle]) -> float:
                 for one in shape.contacts if one.force > 1e-6), default=0.0)
 
 
-def run(name: str, cap: float, seed: int | None = None) -> str:
-    """Return the row of a scene; with a `seed` it is `drawn`."""
-    rod, bodies, poses = SCENES[name]() if seed is None else drawn(name, seed)
-    direct = DirectSimulator(rod, obstacles=bodies, gravity=GRAVITY, basis='local', n_elements=64)
+def run(name: str, cap: float, seed: int | None = None, default: bool = False) -> str:
+    """Return the row of a scene; with a `seed` it is `drawn`; on 64 elements, or the `default`."""
+    ends: list[Pose] | None = None
+    if name in HELD:
+        (rod, bodies, poses), ends = HELD[name]()
+    else:
+        rod, bodies, poses = SCENES[name]() if seed is None else drawn(name, seed)
+    direct = (DirectSimulator(rod, obstacles=bodies, gravity=GRAVITY) if default else
+              DirectSimulator(rod, obstacles=bodies, gravity=GRAVITY, basis='local', n_elements=64))
     times: list[float] = []
-    before: Shape | None = None
     failed = fell = 0
     depth = wrong = cone = 0.0
-    for shape, time in _steps(direct, poses, before):
+    for shape, time in _steps(direct, poses, ends):
         times.append(time)
         if shape is None:
             failed += 1
@@ -244,12 +278,14 @@ def run(name: str, cap: float, seed: int | None = None) -> str:
 
 
 def _steps(direct: DirectSimulator, poses: list[Pose],
-           before: Shape | None) -> Iterator[tuple[Shape | None, float]]:
-    """Yield each Shape, None of what takes too long, and its CPU time in s."""
-    for one in poses:
+           ends: list[Pose] | None = None) -> Iterator[tuple[Shape | None, float]]:
+    """Yield each Shape, None of what takes too long, and its CPU time in s; `ends`: of the tip."""
+    before: Shape | None = None
+    for k, one in enumerate(poses):
         begin = process_time()
+        held = None if ends is None else [FarEnd(ends[k])]
         try:
-            shape = direct.track([one], initial=before, deadline=LIMIT)[0]
+            shape = direct.track([one], far_ends=held, initial=before, deadline=LIMIT)[0]
         except DeadlineExceeded:
             yield None, process_time() - begin
             return
@@ -261,12 +297,13 @@ def _steps(direct: DirectSimulator, poses: list[Pose],
 def main() -> None:
     """Print the rows of the scenes that are named."""
     parser = argparse.ArgumentParser(description='Ordinary scenes of contact')
-    parser.add_argument('names', nargs='*', choices=[*SCENES, []], help='all without')
+    parser.add_argument('names', nargs='*', choices=[*SCENES, *HELD, []], help='all without')
     parser.add_argument('--cap', type=float, default=60.0, help='s of CPU time for a scene')
+    parser.add_argument('--default', action='store_true', help='meshes of the default accuracy')
     parser.add_argument('--drawn', type=int, metavar='SEED', help='with other rods and frictions')
     given = parser.parse_args()
-    for name in given.names or SCENES:
-        print(run(name, given.cap, given.drawn), flush=True)
+    for name in given.names or [*SCENES, *HELD]:
+        print(run(name, given.cap, given.drawn, given.default), flush=True)
 
 
 if __name__ == '__main__':
