@@ -376,6 +376,8 @@ def test_what_is_identified_is_a_file_for_the_next_command():
                  'rod.diameter=0.0015', '--find', 'bending_stiffness', '-o', 'found.yaml', '-o',
                  'fit.png')
     assert result.exit_code == 0, result.output
+    assert 'expected two pixels' in run('identify', 'copper_wire', 'seen.csv', '-g', '0,0,1',
+                                        '--pixels', '1,2,0').output
     assert Path('fit.png').read_bytes().startswith(b'\x89PNG')
     assert re.search(r'bending_stiffness\[0\] +0\.03', result.output)
     assert run('shape', 'found.yaml', '-g', '0,0,1', '-o', 'again.npz').exit_code == 0
