@@ -254,7 +254,10 @@ def _holes(dlo: Described, holes: Iterable[str],
             continue
         if back:
             scene = scene.turned(name)
-        cutouts.append(scene.cutout(name))
+        try:
+            cutouts.append(scene.cutout(name))
+        except InvalidTask as error:  # by the name of the option
+            raise InvalidTask(str(error).replace('name =', '--hole =', 1)) from None
     if scene is not dlo.scene:
         dlo = dlo._replace(scene=scene, direct=dlo.direct.with_obstacles(scene.obstacles))
     return dlo, cutouts
@@ -335,6 +338,11 @@ def _planned(dlo: Described, task: Task, start: Pose | None, deadline: float | N
 def _finish(dlo: Described, found: Plan, prove: bool, outputs: Iterable[Path]) -> None:
     """Say a Plan, prove it if that was asked for, and write it, or the motion that was proved."""
     click.echo(found.summary())
+    if np.isfinite(found.margin).any() and np.nanmin(found.margin) < 0.0:
+        click.echo('note: margin is the clearance less two deviations of what is uncertain '
+                   '(spread.* in CONFIG): below 0 the DLO may touch, if it is not as stated. '
+                   'One that was identified is less uncertain; --margin refuses plans with less',
+                   err=True)
     if not prove:
         write(found, outputs, obstacles=dlo.direct.obstacles)
         return

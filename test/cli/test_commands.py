@@ -146,6 +146,8 @@ def test_a_scene_is_listed_and_written():
     assert 'it.stl: 1 obstacle, 0 cut-outs' in result.output
     assert 'note: it.stl states no unit: mm are assumed' in result.output
     assert run('scene', 'wire.scene').output.startswith('16 obstacles, 0 cut-outs')
+    unknown = run('thread', 'copper_wire', '--scene', 'wire.scene', '--hole', 'panel')
+    assert unknown.exit_code == BAD_INPUT and "--hole = 'panel': expected" in unknown.output
     assert len(Scene.read('wire.scene').obstacles) == 16
 
 
@@ -558,6 +560,11 @@ def test_an_oblique_plan_and_what_would_help():
     assert oblique.exit_code == 0, oblique.output
     assert float(re.search(r'misalignment +([\d.e-]+) +deg', oblique.output)[1]) > 10
     assert re.search(r'margin +[\d.e-]+ +m\n', oblique.output)
+    assert 'note: margin' not in oblique.output
+    narrow = run('thread', 'rubber_hose', '--hole', '0,0,1', '--radius', '0.012')
+    assert narrow.exit_code == 0, narrow.output
+    assert re.search(r'margin +-[\d.e-]+ +m\n', narrow.output)
+    assert 'note: margin is the clearance less two deviations' in narrow.output
     along = run(*wire, '--max-misalignment', '0')
     assert along.exit_code == NO_SOLUTION and 'stability' in along.output
     wide = run(*wire, '--margin', '0.05')
