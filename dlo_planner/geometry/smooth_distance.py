@@ -22,7 +22,8 @@ depends on distances around it alone, not on what was filled before.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from mmap import mmap
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,15 +124,23 @@ def joined(grids: list[Grid]) -> Grids:
     first = np.cumsum([0, *(grid.block.size for grid in grids)])[:len(grids)].astype(np.int64)
     block, blocks = _one_after_the_other([(grid.block, grid.blocks) for grid in grids])
     around, samples = _one_after_the_other([(grid.around, grid.samples) for grid in grids])
-    # (zeros take no memory before they are written)
     return Grids(np.array([grid.low for grid in grids]).reshape(-1, 3),
                  np.array([grid.step for grid in grids], dtype=float),
                  np.array([grid.counts for grid in grids], dtype=np.int64).reshape(-1, 3), first,
                  np.array([grid.further for grid in grids], dtype=np.int64),
                  np.array([grid.bears for grid in grids], dtype=float).reshape(-1, 2),
                  np.array([grid.less for grid in grids], dtype=float), block,
-                 np.zeros((blocks, _SIDE, _SIDE, _SIDE), dtype=np.float32), around,
-                 np.zeros((samples, _CELLS, _CELLS, _CELLS)))
+                 _zeros(np.dtype(np.float32), blocks, _SIDE, _SIDE, _SIDE), around,
+                 _zeros(np.dtype(float), samples, _CELLS, _CELLS, _CELLS))
+
+
+def _zeros(dtype: np.dtype[Any], *shape: int) -> NDArray[Any]:
+    """Return zeros that take memory where they are written, page by page.
+
+    NumPy's ask for pages of 2 MB, of which each block that is filled would take one.
+    """
+    size = dtype.itemsize * int(np.prod(shape))
+    return np.frombuffer(mmap(-1, max(size, 1)), dtype, size // dtype.itemsize).reshape(shape)
 
 
 def _one_after_the_other(numbered: list[tuple[Ints, int]]) -> tuple[Ints, int]:
