@@ -53,11 +53,11 @@ def _dependent():
 _N = r'([\d.]*\d)'
 SAID = {
     f'{_N} to {_N} elements: Newton x {_N}, DFP x {_N}, simplex x {_N}': _by_elements,
-    f'the simplex is {_N} times slower than DFP with 2 terms, {_N} with 8, {_N} with {_N}':
-        _simplex,
-    f'two threads {_N} times, two processes {_N} times as quick': _independent,
-    f'in motion DFP {_N}, simplex {_N}, Newton {_N}; yielding DFP {_N} with three, {_N} with 16, '
-    f'simplex {_N}': _dependent,
+    f'the simplex is {_N} times slower than DFP with 2 terms, {_N} times with 8, {_N} times with '
+    f'{_N}': _simplex,
+    f'two threads are {_N} times, two processes {_N} times as fast': _independent,
+    f'in motion DFP {_N}, simplex {_N}, Newton {_N}; while yielding DFP {_N} with three tasks and '
+    f'{_N} with 16, simplex {_N}': _dependent,
 }
 
 

@@ -159,7 +159,7 @@ def thread_wire(robot: DloCommander, folder: Path, diameter: float) -> Row:
         pierced = simulator.solve(gripper).at(rod.length - depth)
         misses.append(np.linalg.norm(pierced.position - GOAL.position))
         angles.append(np.linalg.norm(np.cross(pierced.direction, GOAL.direction)))
-    stiffness = f'{1e3 * rod.stiffness[1]:.1f} mN m2'
+    stiffness = f'{1e3 * rod.stiffness[1]:.1f} mN m^2'
     inserting = InverseSimulator(simulator).insert(CutOut(GOAL), depths=depths).grippers
     save_threading(folder / f'threading_EI_{1e3 * rod.stiffness[1]:.0f}_mNm2.png',
                    f'Threading a wire of 1 m, EI = {stiffness}', [GOAL], grippers, shapes,
@@ -205,7 +205,7 @@ def refuse_soft_wire(robot: DloCommander) -> Row:
     except Refused as refused:
         reason, cause = str(refused), refused.cause
     print(f'  {reason}')
-    return Row(f'thread, EI {1e3 * wire(TOO_SOFT).stiffness[1]:.1f} mN m2', 'a refusal: unstable',
+    return Row(f'thread, EI {1e3 * wire(TOO_SOFT).stiffness[1]:.1f} mN m^2', 'a refusal: unstable',
                cause.name.lower(), monotonic() - begun, np.nan, 'reason: see above',
                cause == Cause.UNSTABLE)
 
@@ -258,14 +258,15 @@ def thread_in_cell(robot: DloCommander, folder: Path) -> Row:
         later = monotonic() + 1.0  # it looks once more at the end
         robot.wait_for(lambda: monotonic() > later, 'the cell')
     outcome = values_of(heard['outcome'][-1])
+    miss, force, promised = (float(outcome['largest miss [m]']),
+                             float(outcome['largest force [N]']),
+                             float(told['miss expected at most [m]']))
     save_cell(folder / 'closed_loop.png', CutOut(goal, radius=RADIUS),
               [np.array([pose.position for pose in poses_from_path(one)])
                for one in heard['shape']],
               np.array([pose_from_msg(one.pose).position for one in heard['gripper_pose']]),
-              np.array([float(outcome[f'its {axis} [m]']) for axis in 'yz']))
-    miss, force, promised = (float(outcome['largest miss [m]']),
-                             float(outcome['largest force [N]']),
-                             float(told['miss expected at most [m]']))
+              np.array([float(outcome[f'its {axis} [m]']) for axis in 'yz']),
+              promised)
     print(f'  executed with {told["corrections"]} corrections')
     return Row('closed loop in a cell', f'hole of {1e3 * RADIUS:.0f} mm, unknown wire',
                f'{float(outcome["depth [m]"]):.2f} of {float(outcome["of [m]"]):.2f} m through',

@@ -50,7 +50,7 @@ def main():
         print(f'{seconds:5g} s: converged {motion.converged}, largest force {force:.3f} N')
     axes[0].set_ylabel('z [m]')
     bar = plt.cm.ScalarMappable(plt.Normalize(0, 1), colors)
-    figure.colorbar(bar, ax=axes, label='share of the time [-]', shrink=0.8)
+    figure.colorbar(bar, ax=axes, label='fraction of the turn [-]', shrink=0.8)
     figure.suptitle('Benchmark C with inertia: copper wire, d = 1 mm, L = 1 m')
     figure.savefig(folder / 'dynamics.png', dpi=100)
 

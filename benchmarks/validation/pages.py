@@ -43,7 +43,7 @@ SAID: dict[str, dict[str, Callable[[], list[str]]]] = {
         r'width and height ([\d.e-]+) L, height / width ([\d.e-]+); with `accuracy=1e-5` '
         r'([\d.e-]+)': lambda: _curves('width, height, default accuracy',
                                        'aspect, default accuracy', 'aspect, accuracy=1e-5'),
-        r'bend before, the linearized equations \| ([\d.e-]+),':
+        r'bend before they buckle, the linearized equations \| ([\d.e-]+),':
             lambda: _curves('lateral buckling, from SciPy'),
     },
 }

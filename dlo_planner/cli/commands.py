@@ -60,7 +60,7 @@ from dlo_planner.settings.build import (
     refuse_grasped,
     tolerance_of,
 )
-from dlo_planner.settings.looks import read_observations
+from dlo_planner.settings.looks import Photograph, read_observations
 from dlo_planner.settings.tasks import plan_task, read_task
 from dlo_planner.settings.yaml_files import write_values
 from dlo_planner.signals import leave_to_parent
@@ -254,7 +254,10 @@ def _holes(dlo: Described, holes: Iterable[str],
             continue
         if back:
             scene = scene.turned(name)
-        cutouts.append(scene.cutout(name))
+        try:
+            cutouts.append(scene.cutout(name))
+        except InvalidTask as error:  # by the name of the option
+            raise InvalidTask(str(error).replace('name =', '--hole =', 1)) from None
     if scene is not dlo.scene:
         dlo = dlo._replace(scene=scene, direct=dlo.direct.with_obstacles(scene.obstacles))
     return dlo, cutouts
@@ -335,6 +338,11 @@ def _planned(dlo: Described, task: Task, start: Pose | None, deadline: float | N
 def _finish(dlo: Described, found: Plan, prove: bool, outputs: Iterable[Path]) -> None:
     """Say a Plan, prove it if that was asked for, and write it, or the motion that was proved."""
     click.echo(found.summary())
+    if np.isfinite(found.margin).any() and np.nanmin(found.margin) < 0.0:
+        click.echo('note: margin is the clearance less two deviations of what is uncertain '
+                   '(spread.* in CONFIG): below 0 the DLO may touch, if it is not as stated. '
+                   'One that was identified is less uncertain; --margin refuses plans with less',
+                   err=True)
     if not prove:
         write(found, outputs, obstacles=dlo.direct.obstacles)
         return
@@ -480,6 +488,21 @@ def _rod(diameter: float, mass: float, length: float, stiffness: float, torsion:
 _SOUGHT = ('bending_stiffness', 'natural_curvature')
 
 
+def _photograph(text: str) -> Photograph:
+    """Return what U,V,SIZE says of the pixels of a photograph."""
+    try:
+        u, v, size = map(float, text.split(','))
+    except ValueError:
+        raise click.BadParameter(f'{text!r}: expected U,V,SIZE, as 412,96,0.00058') from None
+    if not (np.isfinite([u, v]).all() and 0.0 < size < _LARGEST_PIXEL):
+        raise click.BadParameter(f'{text!r}: expected two pixels, and a size above 0 and below '
+                                 f'{_LARGEST_PIXEL:g} m')
+    return Photograph(u, v, size)
+
+
+_LARGEST_PIXEL = 0.1  # m: a DLO that is seen by larger ones is seen by a dozen at most
+
+
 @click.command('identify')
 @described
 @click.argument('observations', type=READ, nargs=-1, required=True)
@@ -487,6 +510,10 @@ _SOUGHT = ('bending_stiffness', 'natural_curvature')
               help='Pose of the gripper for a table of points; once for each of them.')
 @click.option('--unit', type=click.Choice(list(UNITS)), default='m', show_default=True,
               help='Of lengths in tables whose heading states none.')
+@click.option('--pixels', 'photographs', type=_photograph, metavar='U,V,SIZE', multiple=True,
+              help='What the columns u and v of a photograph mean: the pixel at which the gripper '
+              'is, from the left and from the top, and how many m a pixel is; once for all of '
+              'them, or for each.')
 @click.option('--find', 'names', multiple=True, default=_SOUGHT, show_default=True,
               type=click.Choice(NAMES), help='What is sought; may be repeated.')
 @click.option('--noise', type=float, help='Standard deviation of each coordinate of a point, m; '
@@ -496,20 +523,22 @@ _SOUGHT = ('bending_stiffness', 'natural_curvature')
               help='Write a file; may be repeated: .yaml all parameters, for the node and as '
               'CONFIG; .csv what was found; .png .svg .pdf a picture of it beside the points.')
 def identify(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pose, ...],
-            unit: str, names: tuple[str, ...], noise: float | None,
-            outputs: tuple[Path, ...]) -> None:
+            unit: str, photographs: tuple[Photograph, ...], names: tuple[str, ...],
+            noise: float | None, outputs: tuple[Path, ...]) -> None:
     """Find out what a DLO is like: it hangs from the gripper, points of it were seen.
 
     CONFIG is a first guess, and right in all that is not sought. OBSERVATIONS are YAML files, or
     tables of points (.csv, .tsv, .npy; world) with --gripper for each. Columns are told by the
     heading: x, y, z, and s where arc lengths are known, as "x" or "x [mm]", in any order among
     others; without a heading they are x, y, z. Semicolons allow a decimal comma. A picture has two
-    of x, y, z: the third is not measured. Two or more poses of the gripper tell more. Shapes tell
-    ratios: stiffness is found beside a mass that is known.
+    of x, y, z: the third is not measured; or its pixels u, v (to the right, down), with --pixels.
+    Two or more poses of the gripper tell more. Shapes tell ratios: stiffness is found beside a mass
+    that is known.
 
     \b
     Examples:
       dlo-planner identify my_cable.yaml seen.csv --gripper 0,0,1 -o identified.yaml
+      dlo-planner identify my_cable.yaml photo.csv --gripper 0,0,1 --pixels 412,96,0.00058
       dlo-planner identify my_cable.yaml looks.yaml --find bending_stiffness
       dlo-planner shape identified.yaml --gripper 0,0,1 -o wire.png
 
@@ -529,7 +558,7 @@ def identify(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pos
     checked(outputs, ('.yaml', '.csv', *PICTURES))
     values, direct = dlo.values, dlo.direct
     refuse_grasped(values, 'identify')
-    observed = read_observations(observations, grippers, unit)
+    observed = read_observations(observations, grippers, unit, photographs)
     with Bar('searches') as bar:
         fit = fit_rod(direct.rod, observed, names, noise=noise, progress=bar,
                       gravity=direct.gravity, obstacles=direct.obstacles)

@@ -269,7 +269,8 @@ def _piece_enters(scene, o, ends, sag, radius):
             for i in range(3):
                 length += (q[i] - p[i]) ** 2
                 middle[i] = 0.5 * (p[i] + q[i])
-            about = smooth_distance(scene.grids, scene.smooth[o], middle, normal, hessian)
+            about = smooth_distance(trees, root, scene.grids, scene.smooth[o], middle, normal,
+                                    hessian)
             about -= 0.5 * np.sqrt(length) + sag
             if radius < about < np.inf:
                 gone += about

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import product
@@ -31,7 +31,7 @@ PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER, ELLIPSOID, HULL, MESH = range(len(
 AXIS, EDGE, FACE, NODE_FACE = range(4)
 _SMOOTH = (PLANE, SPHERE, CAPSULE, ELLIPSOID)  # edges of a section need not be rounded there
 _BY_SECTIONS = (PLANE, SPHERE, CAPSULE, BOX, SHEET)  # what its edges and faces are watched against
-_REMEMBERED = 8    # trees over triangles, the last ones; one over 10^5 has 25 MB
+_REMEMBERED = 8    # sets of surfaces of triangles, the last ones; 10^5 triangles have 25 MB
 _HOME = Pose.identity()
 _MOST_SLOTTED = 2  # rectangular cut-outs of a sheet: each doubles its bodies
 _ROUNDING = 0.02  # of the smaller half size: of a section's edges where an obstacle has edges
@@ -119,18 +119,14 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
         surface = Surface(float(surface))
     rims = [] if s is None else surface.rims(np.asarray(s))
     rows: list[tuple[Any, ...]] = []
-    trees: list[Tree] = []
-    grids: list[Grid] = []
+    solids: list[tuple[Mesh | Hull, bool]] = []
     radii = _least_and_largest(surface, s)
     holes: list[tuple[int, Floats, Floats, Floats]] = []
     for source, obstacle in enumerate(obstacles):
         if isinstance(obstacle, Mesh | Hull):
             at_home = changed(obstacle, pose=_HOME, friction=0.0)  # what all of its kind share
-            trees.append(_tree(at_home))
-        smooth = isinstance(obstacle, Mesh) and obstacle.smooth and not sharp and radii[0] > 0.0
-        if smooth:
-            first_grid = len(grids)
-            grids += _grids(at_home, radii)
+            smoothed = isinstance(obstacle, Mesh) and obstacle.smooth
+            solids.append((at_home, smoothed and not sharp and radii[0] > 0.0))
         for body, cutouts in _bodies(obstacle, surface.half is not None, outlines):
             kind = KINDS.index(body.kind)
             if surface.half is not None and kind not in _BY_SECTIONS:
@@ -141,13 +137,16 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
                 holes += [(len(rows), *_hole(body.pose, cutout)) for cutout in cutouts]
                 rows.append((source, kind, body.pose.rotation, body.pose.position, body.size,
                              obstacle.friction, *feature, body.inner,
-                             -1 if body.surface is None else len(trees) - 1,
-                             first_grid if smooth else -1))
+                             -1 if body.surface is None else len(solids) - 1))
 
     def column(index: int, *shape: int, dtype: type = float) -> Any:
         return np.array([row[index] for row in rows], dtype=dtype).reshape(-1, *shape)
 
-    forest, roots = joined(trees)
+    forest, roots, grids, smooth = _surfaces(tuple(solids), radii)
+
+    def of_solid(numbers: Sequence[int]) -> Ints:
+        return np.array([numbers[row[11]] if row[11] >= 0 else -1 for row in rows], dtype=np.int64)
+
     return Scene(column(0, dtype=np.int64), column(1, dtype=np.int64), column(2, 3, 3),
                  column(3, 3), column(4, 3), column(5),
                  np.array([hole[0] for hole in holes], dtype=np.int64),
@@ -156,20 +155,31 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
                  surface.radius, np.zeros(3), column(6, dtype=np.int64), column(7, 2), column(8),
                  column(9, 2, dtype=np.int64),
                  np.zeros((0, 2)) if s is None else surface.radii(np.asarray(s)), column(10),
-                 np.array([roots[row[11]] if row[11] >= 0 else -1 for row in rows],
-                          dtype=np.int64), forest, column(12, dtype=np.int64), joined_grids(grids))
+                 of_solid(roots), forest, of_solid(smooth), grids)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _surfaces(solids: tuple[tuple[Mesh | Hull, bool], ...], radii: tuple[float, float]
+              ) -> tuple[Trees, list[int], Grids, list[int]]:
+    """Return what scenes with the same solids share: trees, smooth distances, where each begins.
+
+    solids: each in its own frame, and whether it has smooth distances, which are for a DLO with
+    radii between two, m; their number is -1 where there are none.
+    """
+    grids: list[Grid] = []
+    first = []
+    trees = [_tree(solid) for solid, _ in solids]
+    for tree, (_, smooth) in zip(trees, solids, strict=True):
+        first.append(len(grids) if smooth else -1)
+        if smooth:
+            grids += grids_of(joined([tree])[0], radii)
+    return *joined(trees), joined_grids(grids), first
 
 
 @lru_cache(maxsize=_REMEMBERED)
 def _tree(obstacle: Mesh | Hull) -> Tree:
     """Return the tree over the triangles of an obstacle; many scenes are made of the same ones."""
     return tree_of(obstacle.surface)
-
-
-@lru_cache(maxsize=_REMEMBERED)
-def _grids(obstacle: Mesh, radii: tuple[float, float]) -> list[Grid]:
-    """Return the smooth distance from a mesh for a DLO with radii between two, m."""
-    return grids_of(joined([_tree(obstacle)])[0], radii)
 
 
 def _least_and_largest(surface: Surface, s: Floats | None) -> tuple[float, float]:
@@ -321,7 +331,8 @@ def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, hessian: Fl
     elif kind in (HULL, MESH):
         distance = np.inf
         if scene.smooth[o] >= 0:
-            distance = smooth_distance(scene.grids, scene.smooth[o], p, local, curved)
+            distance = smooth_distance(scene.trees, scene.root[o], scene.grids, scene.smooth[o], p,
+                                       local, curved)
         if distance == np.inf:
             distance = signed_from_surface(scene.trees, scene.root[o], p, np.inf, local, curved)
     else:

@@ -84,7 +84,7 @@ def steps_ahead(last: float, step: float) -> float:
     return ahead if 0.0 < ahead <= _AHEAD else 0.0
 
 
-class Rolls(Protocol):
+class RollSchedule(Protocol):
     """How the gripper rolls from one depth to another."""
 
     def roll(self, family: Family, passing: Passing, depth: float, target: float) -> float:
@@ -149,7 +149,7 @@ class Family(ABC):
         return 0.0 if self.soft else excess(before.gripper, after.gripper, step / length, length)
 
     def follow(self, passing: Passing, depth: float, goal: float,
-               route: Rolls | None = None) -> Step:
+               route: RollSchedule | None = None) -> Step:
         """Continue a Passing from one depth to another, in steps that do not jump."""
         length = self.simulator.rod.length
         step = longest = self.longest * length
@@ -213,7 +213,7 @@ class Follower:
     """Goes through n depths: many at once as long as nothing is in doubt, else one by one."""
 
     def __init__(self, family: Family, passing: Passing | None, depth: float, depths: Floats,
-                 route: Rolls | None = None) -> None:
+                 route: RollSchedule | None = None) -> None:
         self.family, self.passing, self.depth = family, passing, depth  # where it is
         self._depths, self._route = depths, route
         self._ready: list[Passing] = []  # the next ones, the last first

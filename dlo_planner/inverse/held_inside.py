@@ -23,7 +23,7 @@ from dlo_planner.model.checks import number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.rod import Rod, Surface, followed_by
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.plan import Passes, Plan, padded_clearances
@@ -56,7 +56,7 @@ class HeldInside:
                        given=context.given.part(self.simulator.at, 1))
 
     @cached_property
-    def demands(self) -> Judge:
+    def demands(self) -> PlanChecker:
         """The demands on the whole DLO; the part in front has reported its waypoints."""
         return self.context.demands.silent().made_with(self.simulator.without_obstacles())
 

@@ -44,7 +44,7 @@ from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
-from dlo_planner.plan.checks import Judge, violated
+from dlo_planner.plan.checks import PlanChecker, violated
 from dlo_planner.plan.clearance import scene_about, sheet_of
 from dlo_planner.plan.margin import (
     DEVIATIONS,
@@ -229,7 +229,7 @@ class NoRoom(NamedTuple):
 class RoomSearch:
     """Looks for ways of a DLO through any hole, at depths (K,), m: its shapes are found once."""
 
-    def __init__(self, simulator: DirectSimulator, demands: Judge, depths: Floats) -> None:
+    def __init__(self, simulator: DirectSimulator, demands: PlanChecker, depths: Floats) -> None:
         self.simulator, self.demands, self.depths = simulator, demands, depths
         self.round = is_axisymmetric(simulator.rod)  # a roll of the gripper makes no difference
         found = reachable_shapes(simulator, max(demands.stability, 0.0), demands.progress.check)

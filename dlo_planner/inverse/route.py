@@ -21,7 +21,7 @@ from dlo_planner.inverse.equilibria import Crossings
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.continuity import largest_turn
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Holes
@@ -183,7 +183,7 @@ class Threading:
     cutouts: tuple[CutOut, ...]
     depths: Floats  # (n,) depths in the first one, m
     start: Pose | None  # whose roll is kept as far as possible
-    demands: Judge
+    demands: PlanChecker
     initial: Shape | None = None  # before. If None, the DLO is set down in its natural shape
     method: str = 'coupled'  # or 'nested', for waypoints
     seen: bool = False  # whether the DLO was looked at in `start`

@@ -24,7 +24,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.builder import kept_between
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.waypoint import Waypoint
@@ -492,7 +492,7 @@ class InverseSimulator(Value):
         return plan
 
     def demands(self, plan: Plan, progress: Progress | None = None,
-                requirements: Requirements | None = None) -> Judge:
+                requirements: Requirements | None = None) -> PlanChecker:
         """Return the demands by which a Plan is judged, which touches what it touches.
 
         requirements: None: those of this simulator.

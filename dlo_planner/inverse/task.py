@@ -23,7 +23,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.value import Value
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import Requirements
 from dlo_planner.progress import Progress
@@ -81,13 +81,13 @@ class PlanContext:
         return free if left is self.given else left.elastic().without_obstacles()
 
     @cached_property
-    def demands(self) -> Judge:
+    def demands(self) -> PlanChecker:
         """The requirements as a PlanBuilder judges them, for this DLO and this computation."""
         required, rod = self.requirements, self.simulator.rod
         speeds = (checked_speed('linear_speed', required.limits.linear_speed, rod.length),
                   checked_speed('angular_speed', required.limits.angular_speed))
         around, touched = self.simulator.obstacles, self.touching
-        return Judge(
+        return PlanChecker(
             speeds, self.progress, required.workspace, () if touched else around,
             around if touched else (), Surface.of(rod), tolerance=required.tolerance,
             stability=required.stability, uncertainty=required.uncertainty,

@@ -17,7 +17,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.model.arrays import Floats
-from dlo_planner.plan.checks import Judge, utilization, violated
+from dlo_planner.plan.checks import PlanChecker, utilization, violated
 from dlo_planner.plan.continuity import SAME, apart, discontinuity, passes_itself, same
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import (
@@ -40,8 +40,8 @@ class PlanBuilder:
     ----------
     depths : array_like, shape (n,)
         Depths of the waypoints wanted, m.
-    demands : Judge
-        Judge.
+    demands : PlanChecker
+        PlanChecker.
     what : str, optional
         How a waypoint is called in a refusal.
     initial : Shape, optional
@@ -50,7 +50,7 @@ class PlanBuilder:
         Indices of waypoints at which the gripper stops.
     """
 
-    def __init__(self, depths: ArrayLike, demands: Judge, what: str = 'waypoint',
+    def __init__(self, depths: ArrayLike, demands: PlanChecker, what: str = 'waypoint',
                  initial: Shape | None = None, stops: Iterable[int] = ()) -> None:
         self.waypoints: list[Waypoint] = []
         self._rooms: list[float] = []  # of each, beside everything, m
@@ -133,7 +133,7 @@ class PlanBuilder:
         return plan if limits == (None, None) else replace(plan, wrench_limits=limits)
 
 
-def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
+def kept_between(plan: Plan, demands: PlanChecker, what: str = 'waypoint',
                  known: Sequence[float] | None = None) -> Plan:
     """Return a Plan that keeps its demands between waypoints, on the path of its Trajectory.
 

@@ -76,7 +76,7 @@ def violated(margins: Iterable[Margin]) -> Margin | None:
 
 
 @dataclass(frozen=True)
-class Judge:
+class PlanChecker:
     """The demands on a plan, for every task, and what a waypoint leaves of them."""
 
     speeds: tuple[float, float]  # m/s and rad/s, for the plan's times
@@ -108,11 +108,11 @@ class Judge:
     clearance: float = 0.0  # least distance from the obstacles and sheets, m
     plug: Plug | None = None  # in the hand
 
-    def silent(self) -> Judge:
+    def silent(self) -> PlanChecker:
         """Return the same demands for a search, whose steps are not reported."""
         return replace(self, progress=self.progress.silent())
 
-    def made_with(self, simulator: Simulator) -> Judge:
+    def made_with(self, simulator: Simulator) -> PlanChecker:
         """Return the same demands, the shapes between waypoints from another simulator."""
         return self if self.simulator is None else replace(self, simulator=simulator)
 

@@ -250,7 +250,7 @@ class Plan(Filmed):
 
     def __repr__(self) -> str:
         n = len(self)
-        return brief(self, f'{n} waypoints', self.status.value,
+        return brief(self, f'{n} waypoint{"" if n == 1 else "s"}', self.status.value,
                      *([f'{self.times[-1]:.4g} s', f'miss {self.position_error.max():.1g} m',
                         f'stability {self.stability.min():.2g}',
                         f'clearance {self.clearance.min():.2g} m'

@@ -48,8 +48,8 @@ from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.checks import (
-    Judge,
     Margin,
+    PlanChecker,
     largest_wrench,
     nearer,
     verbatim,
@@ -69,7 +69,7 @@ _LEAP = 3.0     # motion of the DLO per lever and turn of the gripper: more is n
 
 
 def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[SheetSide],
-                      demands: Judge,
+                      demands: PlanChecker,
                       known: Sequence[float] | None = None) -> Margin | None:
     """Return the first Margin that is broken between the waypoints of a plan, or None.
 
@@ -124,7 +124,7 @@ def _look(bodies: Bodies, u: float, shape: Shape, least: float,
 class _Sweep:
     """Checks a path, leg by leg, between the waypoints."""
 
-    def __init__(self, path: GripperPath, bodies: Bodies, demands: Judge,
+    def __init__(self, path: GripperPath, bodies: Bodies, demands: PlanChecker,
                  simulator: Simulator) -> None:
         self._path, self._bodies, self._simulator = path, bodies, simulator
         self._demands, self._limited = demands, demands.wrench_limits != (None, None)

@@ -230,14 +230,15 @@ def _stand(path: Path, model: Any, data: Any, joints: Mapping[str, Any],
     left = [k for k, name in enumerate(names) if name not in joints]
     left = [k for k in left if names[k] not in followers] or left
     if left:
-        low, high = model.jnt_range[left[0]]
-        within = min(max(0.0, low), high) if model.jnt_limited[left[0]] else 0.0
+        within = {names[k]: min(max(0.0, model.jnt_range[k][0]), model.jnt_range[k][1])
+                  if model.jnt_limited[k] else 0.0 for k in left}
+        said = ', '.join(f'{name!r}: {value:g}' for name, value in within.items())
+        options = ' '.join(f'--joint "{name}={value:g}"' for name, value in within.items())
         listed = ', '.join(_told(model, k, names[k]) for k in left)
         raise InvalidTask(
             f'{path}: expected what stands still, but nobody says where '
             f'{counted(len(left), "joint")} of it {"stands" if len(left) == 1 else "stand"}: '
-            f'{listed}. Say it by joints={{{names[left[0]]!r}: {within:g}}}, on the terminal '
-            f'--joint "{names[left[0]]}={within:g}"')
+            f'{listed}. Say it by joints={{{said}}}, on the terminal {options}')
     for k, name in enumerate(names):
         first, width = model.jnt_qposadr[k], _WIDTHS[_JOINTS[model.jnt_type[k]]]
         data.qpos[first:first + width] = row(f'joints[{name!r}]', joints[name], least=width,

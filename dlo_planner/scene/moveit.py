@@ -48,6 +48,9 @@ _POSE = ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw')
 _OURS = 'dlo:'
 _ALIKE = 1e-9  # m, and relative: a ball that ends a cylinder
 _CONE_SIDES = 32  # of the pyramid around a cone: 0.5 % wider than it at its corners
+_READ_AS = {'cone': f'a pyramid of {_CONE_SIDES} sides around it',
+            'plane': 'solid behind its normal'}
+_MOST_NAMED = 5  # objects, in a note
 _MOST_SHAPES = 100_000  # of an object; more is a number that is none of them
 _LARGEST = 2**28  # bytes of a file
 _DIGITS = 17  # with which a number is read back as it was
@@ -76,6 +79,10 @@ def read(path: Path, asked: Asked) -> Content:
         _read_object(words, name, with_poses, asked, content)
     if mark != '.':
         raise words.fault(f'expected * and an object, or . at the end, got {shown(mark)}')
+    for kind, names in words.read_as.items():
+        listed = ', '.join(map(repr, names[:_MOST_NAMED]))
+        more = f' and {len(names) - _MOST_NAMED} more' if len(names) > _MOST_NAMED else ''
+        content.notes.append(f'each {kind} is read as {_READ_AS[kind]}: {listed}{more}')
     return content.scaled(asked.unit)
 
 
@@ -139,11 +146,8 @@ def _read_shape(words: _Words, name: str, content: Content) -> tuple[Made, Surfa
         raise words.fault(f'expected sizes above 0 of a {kind}, got {sizes}')
     if kind == 'plane' and not any(sizes[:3]):
         raise words.fault(f'expected a, b, c of a plane that are not all 0, got {sizes}')
-    if kind == 'cone':
-        content.notes.append(f'the cone of {name!r} is read as a pyramid of {_CONE_SIDES} sides '
-                             'around it')
-    if kind == 'plane':
-        content.notes.append(f'the plane of {name!r} is read as solid behind its normal')
+    if kind in _READ_AS:
+        words.read_as.setdefault(kind, []).append(name)
     return _MADE[kind](sizes), None
 
 
@@ -262,6 +266,7 @@ class _Words:
     def __init__(self, path: Path) -> None:
         self._path, self._text, self._at = path, text_of(path, _LARGEST), 0
         self.within = ''  # the object that is being read
+        self.read_as: dict[str, list[str]] = {}  # objects that are read as something else, by kind
 
     def fault(self, what: str) -> InvalidTask:
         """Return the error of what stands before the place that was reached."""

@@ -47,7 +47,10 @@ _INSTEAD = {  # endings of files of cells that nothing here reads -> what would 
     **dict.fromkeys(('.usd', '.usda', '.usdc', '.usdz', '.dae', '.fbx', '.blend', '.gltf'),
                     'its triangles as GLB'),
     **dict.fromkeys(('.sdf', '.world'), 'URDF or MJCF of it'),
-    '.srdf': 'the URDF beside it'}
+    '.srdf': 'the URDF beside it',
+    **dict.fromkeys(('.pcd', '.las', '.xyz', '.npy', '.csv'),
+                    'solids, these are points: a closed surface of them would be read as STL; '
+                    'points of a DLO are for identify')}
 
 
 if TYPE_CHECKING:

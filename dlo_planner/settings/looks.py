@@ -9,6 +9,7 @@ import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
+from itertools import cycle
 from math import nan
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,6 +34,8 @@ TABLES = ('.csv', '.tsv', '.txt', '.dat', '.xyz', '.npy', '.ply')
 _LISTS = ('.yaml', '.yml', '.json')
 _KEYS = ('gripper', 'points', 's', 'far_end', 'normal', 'initial', 'unit')
 _AXES = ('x', 'y', 'z')
+_PIXELS = ('u', 'v')  # of a photograph: to the right, and down
+_PHOTOGRAPHS = ('.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.heic', '.webp')
 # columns that tell when: a look is of one time
 _TIMES = ('time', 't', 'stamp', 'frame')
 # columns that are known to tell nothing here: names of points, the rest of what
@@ -51,8 +54,16 @@ _MOST_NAMED = 5  # lines
 _MOST_ARRAY = 2**26  # bytes
 
 
-def read_observations(paths: Sequence[Path], grippers: Sequence[Pose],
-                      unit: str = 'm') -> list[Observation]:
+class Photograph(NamedTuple):
+    """What pixels of a photograph mean that shows a DLO from beside, in an upright plane."""
+
+    u: float  # pixel at which the gripper is: from the left
+    v: float  # and from the top
+    size: float  # m, of a pixel in the plane of the DLO
+
+
+def read_observations(paths: Sequence[Path], grippers: Sequence[Pose], unit: str = 'm',
+                      photographs: Sequence[Photograph] = ()) -> list[Observation]:
     """Return the Observations of files.
 
     Parameters
@@ -64,6 +75,9 @@ def read_observations(paths: Sequence[Path], grippers: Sequence[Pose],
         Pose of the gripper of each table.
     unit : str, optional
         Unit of lengths in tables that do not state theirs: 'm', 'cm', 'mm', 'in'.
+    photographs : sequence of Photograph, optional
+        What the pixels u and v mean of each table that has them, or of all of them. World x is to
+        the right there, z is up, y was not measured.
 
     Raises
     ------
@@ -74,19 +88,51 @@ def read_observations(paths: Sequence[Path], grippers: Sequence[Pose],
     scale = UNITS[choice('unit', unit, UNITS)]
     other = next((path for path in paths if path.suffix.lower() not in TABLES + _LISTS), None)
     if other is not None:
+        if other.suffix.lower() in _PHOTOGRAPHS:
+            raise InvalidTask(
+                f'{readable(other)}: expected points, not the picture: a table (.csv) with the '
+                'pixels u,v of 10 to 30 places along the DLO, as any program for pictures shows '
+                'them, and --pixels U,V,SIZE')
         raise InvalidTask(f'{readable(other)}: expected a file that ends with one of '
                           f'{" ".join(_LISTS)}, or as a table of points {" ".join(TABLES)}')
     tables = [path for path in paths if path.suffix.lower() in TABLES]
     if len(tables) != len(grippers):
         raise InvalidTask(f'--gripper was given {len(grippers)} times: expected once for each of '
-                          f'the {len(tables)} tables of points ({", ".join(TABLES)})')
-    left, out = iter(grippers), []
+                          f'the {len(tables)} tables of points ({", ".join(TABLES)}), as X,Y,Z')
+    read = {path: _table(path, scale) for path in tables}
+    pictures = [path for path, table in read.items()
+                if isinstance(table, dict) and {*_PIXELS} <= table.keys()]
+    if len(photographs) != len(pictures) and (len(photographs) != 1 or not pictures):
+        raise InvalidTask(f'--pixels was given {len(photographs)} times: expected it once, or for '
+                          f'each of the {len(pictures)} tables with pixels u, v, as U,V,SIZE: the '
+                          'pixel at which the gripper is, and how many m a pixel is')
+    meaning = dict(zip(pictures, photographs if len(photographs) > 1 else cycle(photographs),
+                       strict=False))
+    left, out = iter(grippers), list[Observation]()
     for path in paths:
-        if path.suffix.lower() in TABLES:
-            out.append(_of_table(path, next(left), scale))
-        else:
+        if path not in read:
             out += _of_yaml(path)
+            continue
+        gripper, table = next(left), read[path]
+        if not isinstance(table, dict):
+            out.append(_observation(str(path), gripper, {'points': table}))
+            continue
+        if path in meaning:
+            table = _measured(path, gripper, table, meaning[path])
+        out.append(_look_of(path, gripper, table))
     return out
+
+
+def _measured(path: Path, gripper: Pose, table: dict[str, Floats],
+              photograph: Photograph) -> dict[str, Floats]:
+    """Return a table with x and z in place of its pixels."""
+    both = [axis for axis in _AXES if axis in table]
+    if both:
+        raise InvalidTask(f'{path}: expected pixels u, v or places, it has {", ".join(both)} too')
+    rest = {name: values for name, values in table.items() if name not in _PIXELS}
+    x, _, z = gripper.position
+    return rest | {'x': x + photograph.size * (table['u'] - photograph.u),
+                   'z': z - photograph.size * (table['v'] - photograph.v)}
 
 
 # ---- YAML -----------------------------------------------------------------------------------
@@ -160,11 +206,12 @@ class _Column(NamedTuple):
     scale: float  # m; 1 of what is no length
 
 
-def _of_table(path: Path, gripper: Pose, scale: float) -> Observation:
+def _table(path: Path, scale: float) -> dict[str, Floats] | Floats:
+    """Return the columns of a table by name, in m; or points (n, 3), which have none."""
     if path.suffix.lower() == '.npy':
-        return _of_array(path, gripper, scale)
+        return _of_array(path, scale)
     if path.suffix.lower() == '.ply':
-        return _observation(str(path), gripper, {'points': scale * _points_of(path)})
+        return scale * _points_of(path)
     lines = _lines(path)
     delimiter = _delimiter(path, lines)
     rows = [(number, _cells(f'{path}, line {number}', line, delimiter)) for number, line in lines]
@@ -186,9 +233,8 @@ def _of_table(path: Path, gripper: Pose, scale: float) -> Observation:
             f'{_ON_COMMAS if delimiter == "," else ""}')
     if not rows:
         raise InvalidTask(f'{path}: expected lines of x, y, z in m')
-    table = {column.name: column.scale * values for column, values in zip(
+    return {column.name: column.scale * values for column, values in zip(
         columns, _numbers(path, rows, columns, delimiter).T, strict=True)}
-    return _look_of(path, gripper, table)
 
 
 _ON_COMMAS = ' (with a decimal comma, columns have to be separated by semicolons)'
@@ -202,8 +248,8 @@ def _look_of(path: Path, gripper: Pose, table: Mapping[str, Floats]) -> Observat
                               'seen at one time')
     missing = [axis for axis in _AXES if axis not in table]
     if len(missing) > 1:
-        raise InvalidTask(f'{path}: expected columns x, y and z, or two of them of a picture, got '
-                          f'{", ".join(table) or "none of them"}{_ON_COMMAS}')
+        raise InvalidTask(f'{path}: expected columns x, y and z, or two of them of a picture, or '
+                          f'its pixels u, v, got {", ".join(table) or "none of them"}{_ON_COMMAS}')
     count = len(next(iter(table.values())))
     given: dict[str, Any] = {}
     others = [name for name in table if name not in (*_AXES, 's', *_TIMES, *_IDLE)]
@@ -296,7 +342,7 @@ def _columns(where: str, cells: Sequence[str], scale: float) -> list[_Column]:
         length = name in (*_AXES, 's')
         if length and unit is not None and unit not in UNITS:
             raise InvalidTask(f'{where}: {cell!r}: expected a unit out of {", ".join(UNITS)}')
-        if name and name not in (*_AXES, 's', *_TIMES, *_IDLE):
+        if name and name not in (*_AXES, *_PIXELS, 's', *_TIMES, *_IDLE):
             warn(f'{where}: column {cell!r} is not read{did_you_mean(name, (*_AXES, "s"))}',
                  DoubtfulInput, stacklevel=2)
         out.append(_Column(name, 1.0 if not length else scale if unit is None else UNITS[unit]))
@@ -327,7 +373,7 @@ def _prefix(where: str, names: Sequence[str]) -> str:
 def _numbers(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Sequence[_Column],
              delimiter: str) -> Floats:
     """Return the numbers (n, columns) of a table, nan in columns that are not read."""
-    read = {*_AXES, 's', *_TIMES}
+    read = {*_AXES, *_PIXELS, 's', *_TIMES}
     written = {sign for _, cells in rows for cell in cells if _is_number(cell) for sign in ',.'
                if sign in cell}
     if len(written) == 2:  # noqa: PLR2004
@@ -335,7 +381,7 @@ def _numbers(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Sequenc
 
     unseen = [number for number, cells in rows if len(cells) == len(columns) and all(
         cell.lower() in _UNSEEN for column, cell in zip(columns, cells, strict=True)
-        if column.name in _AXES)]
+        if column.name in (*_AXES, *_PIXELS))]
     if unseen and len(unseen) < len(rows):
         warn(f'{path}: left out as not seen, without x, y and z: line '
              f'{", ".join(map(str, unseen[:_MOST_NAMED]))}'
@@ -362,8 +408,8 @@ def _numbers(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Sequenc
     return np.array(list(values()))
 
 
-def _of_array(path: Path, gripper: Pose, scale: float) -> Observation:
-    """Return the Observation of a file of NumPy's: (n, 3), or with fields x, y, z and s."""
+def _of_array(path: Path, scale: float) -> dict[str, Floats] | Floats:
+    """Return what a file of NumPy's has: (n, 3), or fields x, y, z and s."""
     try:
         content = np.load(BytesIO(readable(path, _MOST_ARRAY).read_bytes()), allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
@@ -371,12 +417,10 @@ def _of_array(path: Path, gripper: Pose, scale: float) -> Observation:
                           ) from None
     names = getattr(getattr(content, 'dtype', None), 'names', None)
     if not names:
-        return _observation(str(path), gripper, {
-            'points': scale * array(str(path), content, (None, 3))})
+        return scale * array(str(path), content, (None, 3))
     columns = _columns(str(path), names, scale)
-    return _look_of(path, gripper, {
-        column.name: column.scale * array(f'{path}: {name}', content[name], (None,))
-        for column, name in zip(columns, names, strict=True)})
+    return {column.name: column.scale * array(f'{path}: {name}', content[name], (None,))
+            for column, name in zip(columns, names, strict=True)}
 
 
 def _points_of(path: Path) -> Floats:

@@ -124,7 +124,8 @@ def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: flo
             here = pose if here is None or first is None else pose.compose(
                 first.inverse()).compose(here)
         if here is None:
-            raise InvalidTask(f'{name}: expected a pose, of its own or asked for')
+            wanted = ' or '.join(field for field, _, _ in _given_places(content))
+            raise InvalidTask(f'{name}: expected a pose, by {wanted} or with the request')
         if bare:
             return here
         cutout = {**(place or {}), 'pose': here}

@@ -18,8 +18,8 @@ from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.rod import Surface, before, followed_by
 from dlo_planner.plan.checks import (
-    Judge,
     Margin,
+    PlanChecker,
     largest_wrench,
     motion_margins,
     violated,
@@ -211,7 +211,7 @@ class _Replay:
         surface = Surface.of(free.rod)
         if not Bodies((), around, surface, self.progress.check).least(shapes) > 0:
             return False
-        demands = Judge((1.0, 1.0), self.progress.silent(), obstacles=around,
+        demands = PlanChecker((1.0, 1.0), self.progress.silent(), obstacles=around,
                                    surface=surface, simulator=free)
         return len(shapes) < 2 or self.plan.times[-1] <= self.plan.times[0] or violation_between(
             GripperPath.of(self.plan), shapes, (), demands) is None

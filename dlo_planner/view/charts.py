@@ -86,8 +86,8 @@ def _report_bars(axes: Any, report: ValidationReport) -> None:
         row = [*_DISTANCES].index('max_tracking_error')  # of the motion: what it is the limit of
         at = 1e3 * report.tolerance
         axes.plot([at, at], [row - 0.45, row + 0.45], color='k', ls='--', lw=1.2)
-        axes.annotate(f'tolerance {at:.3g} mm', (at, row), (4, 0), textcoords='offset points',
-                      va='center', fontsize=8)
+        axes.annotate(f'tolerance {at:.3g} mm', (at, row - 0.5), (4, 0), fontsize=8,
+                      textcoords='offset points', va='center')
     label = 'safe to execute' if report.safe else f'not safe: {report.reason}'
     axes.set_title(label, fontsize=10, color='0.1' if report.safe else _BAD, wrap=True)
 
@@ -178,10 +178,11 @@ def plot_fit(fit: Fit, ax: Axes | None = None) -> Figure:
     draw(places, [one for k, (seen, line, tint) in enumerate(zip(
         fit.observed, fit.found, tints, strict=True)) for one in (
             Primitive('observed', k, 'points', tint, points=seen),
-            Primitive('found', k, 'line', tint, points=line))], frame.side)
+            Primitive('found', k, 'line', VERMILION, points=line))], frame.side)
     frame.look(azimuth(points))
     frame.show(*box_around(points))
-    places.set_title(f'points seen, DLO found: {1e3 * fit.misfit:.3g} mm apart', fontsize=10)
+    places.set_title('points seen, and the DLO found (red), which is off them by '
+                     f'{1e3 * fit.misfit:.3g} mm', fontsize=10, wrap=True)
     return _fit_numbers(figure.add_subplot(1, 2, 2), fit)
 
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Matplotlib: axes in space or from the side, primitives in them, what stands around a DLO."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
@@ -43,6 +44,7 @@ _TICKS = 5
 _GRID = {'grid.color': '0.88', 'grid.linewidth': 0.6}
 _EDGES = (0.75, 0.7)     # inches left and right, above and below of what is seen in space: labels
 _BAR = 1.15            # inches, of the color bar with its label
+_ASIDE = 0.04          # of the width: what is seen makes room for the ticks of the upright axis
 _ROOM = 0.76           # of axes that are given: for what is seen
 _LETTER = 0.085        # inches, of a title: a wide letter of the mean
 _UNIT = 1.03           # of its axes: a diagonal of the box without zoom
@@ -123,7 +125,9 @@ class Frame:
             self._fit(across, tall, 2 * _EDGES[0] + _BAR, 2 * _EDGES[1])
             width, height = self.figure.get_size_inches()
             room = ((width - 2 * _EDGES[0] - _BAR) / across, (height - 2 * _EDGES[1]) / tall)
-            side, middle = min(room) / _UNIT, (0.46 * (width - _BAR), 0.48 * height)
+            side = min(room) / _UNIT
+            upright = _ASIDE if axes.azim % 180.0 < 90.0 else -_ASIDE  # where matplotlib has z
+            middle = (0.5 + upright) * (width - _BAR), 0.48 * height
             axes.set_position(((middle[0] - side / 2) / width, (middle[1] - side / 2) / height,
                                side / width, side / height))
         else:
@@ -172,7 +176,8 @@ class Frame:
         """Write a title, over a new figure only: axes that were given may have their own."""
         if self.own and self.titled:
             most = int(self.figure.get_size_inches()[0] / _LETTER)
-            lines = [line for one in text.splitlines() for line in wrap(one, most)]
+            whole = re.sub(r'(?<=\d) (?=[a-zA-Z])', '\N{NO-BREAK SPACE}', text)  # '5 mm'
+            lines = [line for one in whole.splitlines() for line in wrap(one, most)]
             self.figure.suptitle('\n'.join(lines), fontsize=10)
 
     def settle(self) -> None:

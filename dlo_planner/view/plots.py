@@ -78,6 +78,7 @@ def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
     stage = Stage.of(shapes, obstacles, value if isinstance(value, Plan) else None)
     frame = Frame.of(ax, stage.points)
     dlo, span, label = _over_time(value, color)
+    marks: list[Primitive] = []
     if isinstance(value, Motion):
         tracks: dict[str, tuple[float, ...]] = {'gripper': VERMILION, 'free end': _TIP}
         lines = [Primitive('way', k, 'line', tint, points=[shape.positions[-k] for shape in shapes])
@@ -87,9 +88,9 @@ def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
         ways = {'gripper': value.grippers, **value.arms} if tracks else {}
         tracks = dict(zip(ways, cycle((VERMILION, _TIP, ORANGE)), strict=False))
         lines = [*(replace(one, color=tracks[name]) for k, (name, poses) in enumerate(ways.items())
-                   for one in path_primitives(poses, _TICK * stage.length, k)),
-                 *contact_primitives(shapes[-1]), *plug_primitives(value)]
-    _show(frame, stage, dlo + lines, [shapes[0].gripper, shapes[-1].gripper])
+                   for one in path_primitives(poses, _TICK * stage.length, k))]
+        marks = [*contact_primitives(shapes[-1]), *plug_primitives(value)]
+    _show(frame, stage, lines + dlo + marks, [shapes[0].gripper, shapes[-1].gripper])
     if passes or color != 'time':
         frame.color_bar(span[1], label, span[0])
     if isinstance(value, Plan) and not tracks:

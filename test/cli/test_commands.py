@@ -146,6 +146,8 @@ def test_a_scene_is_listed_and_written():
     assert 'it.stl: 1 obstacle, 0 cut-outs' in result.output
     assert 'note: it.stl states no unit: mm are assumed' in result.output
     assert run('scene', 'wire.scene').output.startswith('16 obstacles, 0 cut-outs')
+    unknown = run('thread', 'copper_wire', '--scene', 'wire.scene', '--hole', 'panel')
+    assert unknown.exit_code == BAD_INPUT and "--hole = 'panel': expected" in unknown.output
     assert len(Scene.read('wire.scene').obstacles) == 16
 
 
@@ -376,6 +378,8 @@ def test_what_is_identified_is_a_file_for_the_next_command():
                  'rod.diameter=0.0015', '--find', 'bending_stiffness', '-o', 'found.yaml', '-o',
                  'fit.png')
     assert result.exit_code == 0, result.output
+    assert 'expected two pixels' in run('identify', 'copper_wire', 'seen.csv', '-g', '0,0,1',
+                                        '--pixels', '1,2,0').output
     assert Path('fit.png').read_bytes().startswith(b'\x89PNG')
     assert re.search(r'bending_stiffness\[0\] +0\.03', result.output)
     assert run('shape', 'found.yaml', '-g', '0,0,1', '-o', 'again.npz').exit_code == 0
@@ -556,6 +560,11 @@ def test_an_oblique_plan_and_what_would_help():
     assert oblique.exit_code == 0, oblique.output
     assert float(re.search(r'misalignment +([\d.e-]+) +deg', oblique.output)[1]) > 10
     assert re.search(r'margin +[\d.e-]+ +m\n', oblique.output)
+    assert 'note: margin' not in oblique.output
+    narrow = run('thread', 'rubber_hose', '--hole', '0,0,1', '--radius', '0.012')
+    assert narrow.exit_code == 0, narrow.output
+    assert re.search(r'margin +-[\d.e-]+ +m\n', narrow.output)
+    assert 'note: margin is the clearance less two deviations' in narrow.output
     along = run(*wire, '--max-misalignment', '0')
     assert along.exit_code == NO_SOLUTION and 'stability' in along.output
     wide = run(*wire, '--margin', '0.05')

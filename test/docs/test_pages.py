@@ -79,7 +79,8 @@ def test_the_commands_of_the_how_to_find_the_cable(tmp_path, monkeypatch):
     real = DirectSimulator(Rod(0.8, 0.07, 0.03, 0.015, natural_curvature=(0.0, 0.2)))
     for name, way in (('level', (1, 0, 0)), ('up', (1, 0, 1))):
         points = real.solve(Pose.looking_along((0, 0, 1), way)).positions[6::3]
-        np.savetxt(tmp_path / f'{name}.csv', points, delimiter=',', header='x,y,z', comments='')
+        pixels = [412, 96] + (points[:, [0, 2]] - [0, 1]) * [1, -1] / 0.00058
+        np.savetxt(tmp_path / f'{name}.csv', pixels, delimiter=',', header='u,v', comments='')
     for command in commands:
         if command[0] == 'identify':
             written = yaml.safe_load((tmp_path / 'my_cable.yaml').read_text())

@@ -25,7 +25,7 @@ from dlo_planner.inverse.continuation import Step
 from dlo_planner.inverse.tasks.insert import Insertion
 from dlo_planner.plan.bore import Inside, _inside, pushing
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 RODS = {'round': WIRE,
@@ -162,7 +162,7 @@ def test_reasons_are_true():
     assert plan.fraction == 1
     family = Insertion(DirectSimulator(rod), BORE, np.eye(3), np.array([0.3]))
     found = family.first()
-    builder = PlanBuilder([0.3], Judge((1.0, 1.0)))
+    builder = PlanBuilder([0.3], PlanChecker((1.0, 1.0)))
     for change, constraint in (({'residual': 1.0, 'converged': False}, 'equilibrium'),
                                ({'stability': -0.2, 'converged': False}, 'stability')):
         poor = found._replace(shape=replace(found.shape, **change))

@@ -33,7 +33,7 @@ from dlo_planner.inverse.reachable import reachable_shapes
 from dlo_planner.inverse.route import Threading
 from dlo_planner.inverse.tasks.thread import ThreadLookedAt
 from dlo_planner.model.rod import Surface
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.margin import expected_misses, rating, uncertain_state, unseen, upright_room
 from dlo_planner.progress import Progress
 from dlo_planner.tasks import Requirements
@@ -199,7 +199,7 @@ def test_the_expected_miss_is_that_of_small_changes():
 
 
 def test_by_how_much_there_is_no_room_is_not_made_up():
-    task = Threading((hole(0),), np.linspace(0, 0.5, 3), None, Judge((0.1, 0.5), Progress()))
+    task = Threading((hole(0),), np.linspace(0, 0.5, 3), None, PlanChecker((0.1, 0.5), Progress()))
     refused = most_room.NoRoom(0.3, 'nothing has room').refusal(task)
     assert refused.waypoint == 2
     assert np.isnan(refused.amount) and str(refused).endswith('nothing has room (room)')

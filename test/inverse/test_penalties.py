@@ -39,7 +39,7 @@ from dlo_planner.penalties import (
     Through,
     minimize_penalty,
 )
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.requirements import STABILITY
 from dlo_planner.plan.waypoint import Waypoint
@@ -264,7 +264,7 @@ def test_a_plan_stands_as_well_as_is_required():
 @pytest.mark.parametrize('stability', [0.9 * STABILITY, -1e-8, np.nan])
 def test_no_waypoint_is_less_stable_than_the_margin(stability):
     shape = DirectSimulator(STIFF, n_elements=32).solve(START)
-    demands = Judge((1.0, 1.0), stability=Requirements().stability)
+    demands = PlanChecker((1.0, 1.0), stability=Requirements().stability)
     assert demands.violation(Waypoint(replace(shape, stability=1.1 * STABILITY))) is None
     broken = demands.violation(Waypoint(replace(shape, stability=stability)))
     assert broken.name == 'stability' and '0.0003 is required' in broken.message

@@ -217,7 +217,7 @@ def test_a_proof_ends_with_a_message_of_its_own(inside, node, tell):
     ('{type: Thred}', 100, 'expected {type: ..., ...} with a type of Approach, Carry, Hold'),
     ('nothing', 100, "got 'nothing'"), ('{type: [', 100, 'task, line 1: expected YAML'),
     ('{type: Thread, contac: 1}', 100, 'task.contac: expected one of as_deep_as_possible, cutout'),
-    ('{type: HoldContact, s: 0.5}', 100, 'task: expected a pose, of its own or asked for'),
+    ('{type: HoldContact, s: 0.5}', 100, 'task: expected a pose, by contact or with the request'),
     ('{type: Insert, bore: {radius: -1}}', 100, 'CutOut.radius = -1'),
     ('{type: Thread, cutout: {pose: {position: [2e3, 0, 0]}}}', 103, 'workspace.reach = 1000 m'),
     ('{type: Thread, cutout: {pose: {position: [.nan, 0, 0]}}}', 100, 'Pose.position'),

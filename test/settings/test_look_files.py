@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from dlo_planner import DirectSimulator, DoubtfulInput, FarEnd, InvalidTask, Pose, Rod
-from dlo_planner.settings.looks import read_observations
+from dlo_planner.settings.looks import Photograph, read_observations
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 POINTS = np.array([[0.2, 0.0, 0.98], [0.5, 0.01, 0.86]])
@@ -66,7 +66,7 @@ def test_what_the_terminal_writes_of_a_shape_is_read_as_its_points(tmp_path):
     ('x,y,z,x\n1,2,3,4\n', "column 'x': expected once"),
     ('x [ft],y,z\n1,2,3\n', 'expected a unit out of m, cm, mm, in'),
     ('x,0.2,z\n1,2,3\n', 'numbers alone, or names of columns alone'),
-    ('s,a,b\n1,2,3\n', 'expected columns x, y and z, or two of them of a picture, got s, a, b'),
+    ('s,a,b\n1,2,3\n', 'expected columns x, y and z, .* or its pixels u, v, got s, a, b'),
     ('s,xx,y,z\n0.1,0.2,0,1\n', 'expected a column x, .* did you mean x?'),
     ('time,x,y,z\n0,0.2,0,1\n1,0.3,0,1\n', 'column time changes: expected points of a DLO at rest'),
     ('x,y,z\n', 'expected lines of x, y, z'), ('', 'expected lines of x, y, z'),
@@ -123,6 +123,36 @@ def test_two_of_three_axes_are_a_picture(tmp_path):
     np.testing.assert_array_equal(np.abs(one.normal), (0, 1, 0))
     np.testing.assert_array_equal(one.points[:, [0, 2]], POINTS[:, [0, 2]])
     assert one.s.tolist() == [0.21, 0.53]
+
+
+def test_pixels_of_a_photograph_are_places_beside_its_gripper(tmp_path):
+    size, (u, v) = 0.0005, (412.0, 96.0)
+    for name, points in (('one.csv', POINTS), ('other.csv', POINTS + [0.1, 0, 0.1])):
+        pixels = np.column_stack([u + points[:, 0] / size, v - (points[:, 2] - 1.0) / size])
+        np.savetxt(tmp_path / name, pixels, delimiter=',', header='u,v', comments='')
+    paths, pictures = [tmp_path / 'one.csv', tmp_path / 'other.csv'], [Photograph(u, v, size)]
+    with pytest.warns(DoubtfulInput, match='without y, which counts as not measured'):
+        one, other = read_observations(paths, [LEVEL] * 2, photographs=pictures)
+    np.testing.assert_allclose(one.points[:, [0, 2]], POINTS[:, [0, 2]], atol=1e-12)
+    np.testing.assert_array_equal(one.normal, [0, 1, 0])
+    np.testing.assert_allclose(other.points[:, 2] - one.points[:, 2], 0.1, atol=1e-12)
+    with pytest.warns(DoubtfulInput, match='without y'):
+        one, other = read_observations(paths, [LEVEL] * 2, photographs=[
+            *pictures, Photograph(u, v, 2 * size)])
+    np.testing.assert_allclose(other.points[:, 0], 2 * (POINTS[:, 0] + 0.1), atol=1e-12)
+    for wrong in ([], 3 * pictures):
+        with pytest.raises(InvalidTask, match=r'--pixels was given [03] times: .* each of the 2'):
+            read_observations(paths, [LEVEL] * 2, photographs=wrong)
+
+
+@pytest.mark.parametrize(('name', 'text', 'said'), [
+    ('seen.csv', 'x,y,z\n0,0,1\n', '--pixels was given 1 times: .* each of the 0 tables'),
+    ('seen.csv', 'u,v,x\n1,2,0.1\n', 'expected pixels u, v or places, it has x too'),
+    ('seen.jpg', '', 'expected points, not the picture: .* --pixels')])
+def test_what_is_no_photograph_is_refused(tmp_path, name, text, said):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InvalidTask, match=said):
+        read_observations([tmp_path / name], [LEVEL], photographs=[Photograph(1, 2, 0.001)])
 
 
 def test_arrays_of_numpy(tmp_path):

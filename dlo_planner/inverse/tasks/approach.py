@@ -46,7 +46,7 @@ from dlo_planner.model.pose import Pose, angle_between, turned_by
 from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.continuity import apart, same
 from dlo_planner.plan.plan import Plan, concatenate
 from dlo_planner.plan.waypoint import Holes, Waypoint
@@ -79,7 +79,7 @@ def first_approach(approach: Callable[..., Plan], length: float, *arguments: Any
 
 
 def _from_behind(simulator: DirectSimulator, task: Approach, start: Pose, initial: Shape | None,
-                 demands: Judge, back: float | None, detour: Sequence[Floats] = ()) -> Plan:
+                 demands: PlanChecker, back: float | None, detour: Sequence[Floats] = ()) -> Plan:
     """Return the Plan to `first` that goes `back` (m) before it turns, or _STRAIGHT.
 
     detour: rotations (3, 3) that the gripper turns through, where it goes back.

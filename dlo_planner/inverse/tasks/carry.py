@@ -36,7 +36,7 @@ from dlo_planner.model.holds import (
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.stage import arm_of
@@ -187,7 +187,8 @@ class _Way(NamedTuple):
 class _Search:
     """Looks for a way from Grips to others."""
 
-    def __init__(self, context: PlanContext, demands: Judge, begin: Grips, end: Grips) -> None:
+    def __init__(self, context: PlanContext, demands: PlanChecker, begin: Grips,
+                 end: Grips) -> None:
         self._context, self._demands, self._begin, self._end = context, demands, begin, end
         self._silent, self._length = demands.silent(), context.rod.length
         gravity = context.simulator.surroundings.gravity
@@ -223,7 +224,7 @@ class _Search:
         return [self._begin, *(_lifted(grips, height * self._up, still)
                                for grips in (self._begin, self._end)), self._end]
 
-    def _led(self, keys: Sequence[Grips], demands: Judge, first: Shape | None) -> Plan:
+    def _led(self, keys: Sequence[Grips], demands: PlanChecker, first: Shape | None) -> Plan:
         """Return the Plan through corners, from a Shape or as the DLO naturally is."""
         grips, corners = _through(keys, self._length)
         return led(self._context, grips, demands, corners[1:-1], first)

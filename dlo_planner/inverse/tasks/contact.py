@@ -34,7 +34,7 @@ from dlo_planner.model.checks import choice, instance, number, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_accuracy
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.continuity import apart, gripper_motion
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
@@ -67,12 +67,12 @@ class ContactProblem:
     simulator: DirectSimulator
     family: ContactFamily  # a quick one, on a coarse mesh
     contact: Pose  # on the obstacle's surface: x axis along the DLO, z axis outwards
-    demands: Judge  # what the plan has to keep, the least force of the contact among it
+    demands: PlanChecker  # what the plan has to keep, the least force of the contact among it
     forces: Floats | None = None  # (n,) the only ones, N; None: all
 
     @classmethod
     def at(cls, simulator: DirectSimulator, task: HoldContact | SlideContact, s: float,
-           demands: Judge) -> Self:
+           demands: PlanChecker) -> Self:
         """Return the problem of a task at the arc length `s`, m."""
         family = _family(simulator, task.contact, s, demands)
         least = PRESSED * family.scale[0] if task.min_force is None else task.min_force
@@ -311,7 +311,7 @@ class ContactProblem:
 
 
 def _family(simulator: DirectSimulator, contact: Pose, s: float,
-            demands: Judge) -> ContactFamily:
+            demands: PlanChecker) -> ContactFamily:
     elements = min(max(simulator.mesh.s.size - 1, 8), 2 * _ELEMENTS)
     return ContactFamily(simulator, contact, s, demands.progress.check, elements)
 

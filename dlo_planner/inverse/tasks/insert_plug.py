@@ -27,7 +27,7 @@ from dlo_planner.model.plug import Plug
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.plan import Plan
 
 _DEEP = 0.5      # of the plug's length: how deep it goes where that is not said
@@ -152,7 +152,7 @@ class InsertPlug(Task):
         mouth = outside[-1] + 1 if outside else 0
         return (('approach', 0), ('insert', mouth)) if 0 < mouth < len(plan) else (('insert', 0),)
 
-    def _check_reach(self, context: PlanContext, demands: Judge, holds: Holds,
+    def _check_reach(self, context: PlanContext, demands: PlanChecker, holds: Holds,
                      deepest: float) -> None:
         """Raise Infeasible where the cable is too short for the approach, or for the socket."""
         loaded = bool(np.any(context.simulator.surroundings.gravity))

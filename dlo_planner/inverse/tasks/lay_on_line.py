@@ -27,7 +27,7 @@ from dlo_planner.model.checks import instance, number, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, GoalTable
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
@@ -104,7 +104,7 @@ class LayOnLine(Task):
             partial(self._plan, simulator, begin, demands, context.initial)
             for begin in start_candidates(simulator, self.line.direction, context.start))
 
-    def _plan(self, simulator: DirectSimulator, begin: Candidate, demands: Judge,
+    def _plan(self, simulator: DirectSimulator, begin: Candidate, demands: PlanChecker,
               initial: Shape | None) -> Plan:
         builder = PlanBuilder(np.zeros(self.positions.size), demands, initial=initial)
         builder.check()

@@ -24,7 +24,7 @@ from dlo_planner.model.holds import FarEnd, Hold, Holds, alike, holds_of
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.continuity import SURELY_STABLE, same
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint
@@ -71,8 +71,8 @@ def limit(name: str, value: object) -> float | None:
     return None if value is None else number(name, value, above=0)
 
 
-def led(context: PlanContext, grips: Sequence[Grips], demands: Judge, stops: Collection[int] = (),
-        first: Shape | None = None) -> Plan:
+def led(context: PlanContext, grips: Sequence[Grips], demands: PlanChecker,
+        stops: Collection[int] = (), first: Shape | None = None) -> Plan:
     """Return the Plan of a DLO that is led straight through n Grips, or raise Infeasible.
 
     The first Shape is found from `first`, or naturally. Where the DLO is hardly stable there are

@@ -29,7 +29,7 @@ from dlo_planner.inverse.continuation import (
     Family,
     Follower,
     Passing,
-    Rolls,
+    RollSchedule,
     continue_family,
 )
 from dlo_planner.inverse.equilibria import (
@@ -109,7 +109,7 @@ def even_rolls(family: Family, depths: Floats, passings: Sequence[Passing]) -> I
 
 
 def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
-                route: Rolls | None = None) -> Plan:
+                route: RollSchedule | None = None) -> Plan:
     """Return the Plan that continues a Candidate through all depths."""
     cutout, length = task.cutouts[0], simulator.rod.length
     aligned = Aligned(simulator, cutout.normal, cutout.center, task.method)
@@ -158,9 +158,9 @@ def thread(simulator: DirectSimulator, task: Threading) -> Plan:
     own = quick is simulator
     trial = task if own else task.tried_with(quick)
     candidates = start_candidates(quick, task.cutouts[0].normal, task.start)
-    first: tuple[Candidate, Rolls | None] = next(candidates), None
+    first: tuple[Candidate, RollSchedule | None] = next(candidates), None
 
-    def planned(task: Threading, way: tuple[Candidate, Rolls | None]) -> Plan:
+    def planned(task: Threading, way: tuple[Candidate, RollSchedule | None]) -> Plan:
         return thread_from(quick, task, *way)
 
     plan, way = plan_family(trial, planned, first, partial(_other_ways, quick, trial, candidates),
@@ -173,7 +173,7 @@ def thread(simulator: DirectSimulator, task: Threading) -> Plan:
 
 
 def _other_ways(simulator: DirectSimulator, task: Threading, candidates: Iterator[Candidate],
-                refused: Infeasible | None) -> Iterator[tuple[Candidate, Rolls | None]]:
+                refused: Infeasible | None) -> Iterator[tuple[Candidate, RollSchedule | None]]:
     """Yield other Candidates, each with a Route or None, after a refusal."""
     assert refused is not None  # there is a first candidate
     if refused.constraint not in NO_WAY:  # a demand: another roll may keep it

@@ -32,7 +32,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between, turned_by
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.continuity import gripper_motion, largest_shift, largest_turn
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
 from dlo_planner.plan.goals import Through
@@ -181,7 +181,7 @@ def _lost_parts(simulator: DirectSimulator, task: Threading, weights: Floats,
 
     That is on its whole way, as though no cut-out had an edge.
     """
-    demands = Judge(task.demands.speeds, task.demands.progress.silent())
+    demands = PlanChecker(task.demands.speeds, task.demands.progress.silent())
     plan = thread_sequence(simulator, replace(task, demands=demands, cutouts=tuple(
         CutOut(cutout.pose) for cutout in task.cutouts)), weights)
     holes = task.holes(simulator.rod.length)
@@ -240,7 +240,7 @@ def _thread(simulator: DirectSimulator, task: Threading, weights: Floats) -> Pla
     """Return the Plan that begins with the roll of `task.start`."""
     family = NearestToCenters(simulator, task.cutouts, weights)
     begin = thread(simulator, replace(
-        task, cutouts=task.cutouts[:1], depths=np.zeros(1), demands=Judge(
+        task, cutouts=task.cutouts[:1], depths=np.zeros(1), demands=PlanChecker(
             task.demands.speeds, task.demands.progress.silent()))).shapes[0]
     holes, length, (first, *others) = task.holes(begin.s[-1]), begin.s[-1], family.centers
 

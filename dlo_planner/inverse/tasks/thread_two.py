@@ -63,7 +63,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.margin import upright_room
 from dlo_planner.plan.plan import Plan
 
@@ -255,7 +255,7 @@ def _no_beginning(simulator: DirectSimulator, task: Threading,
 def _alone(task: Threading, direction: Floats, depths: Floats) -> Threading:
     """Return the threading through the first center alone, along a direction (3,)."""
     cutout = CutOut(Pose.looking_along(task.cutouts[0].center, direction))
-    return Threading((cutout,), depths, task.start, Judge((1.0, 1.0)))
+    return Threading((cutout,), depths, task.start, PlanChecker((1.0, 1.0)))
 
 
 def _straight_there(simulator: DirectSimulator, task: Threading) -> Change | None:
