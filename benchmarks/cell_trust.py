@@ -51,8 +51,8 @@ DRIVER = Looking.knowing(
     VERY_UNCERTAIN, BAD, robot_position=NOMINAL.robot_position,
     robot_rotation=NOMINAL.robot_rotation, **{name: getattr(EstimatorConfig(), name) for name in (
         'bias', 'camera_rotation', 'stamps')})
-# of the chain of a soft wire, which bends in a small part of its length: within 0.2 mm of 80 cells
-# for 0.4 m with w L^3/EI = 40 where the gripper points upwards
+# of the chain of a soft wire, which bends in a small part of its length: within 0.2 mm of the shape
+# of 0.36 m with w L^3/EI = 19 where the gripper points 60 degrees upwards, however it is rolled
 _SOFT_CELLS = 40
 _OF = ', '  # between a task and its case
 HEADS = ['case', 'runs', 'happened', 'clean', 'refused before the sheet', 'in it', 'touched',

@@ -59,6 +59,7 @@ def parameters():
             'threading.deadline': PROVING, 'incoming_command_timeout': 0.5,
             'spread.bending_stiffness': unknowns.stiffness,
             'spread.torsional_stiffness': unknowns.stiffness, 'spread.mass': unknowns.mass,
+            'spread.mass_gradient': unknowns.mass_gradient,
             'spread.length': unknowns.length, 'spread.natural_curvature': bent,
             'spread.curvature_variation': float(max(varying)),
             'spread.gripper_position': unknowns.gripper_position,

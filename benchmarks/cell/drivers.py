@@ -123,7 +123,7 @@ class Looking:
         bent, *varying = unknowns.natural_curvature
         spread = Uncertainty(unknowns.stiffness, unknowns.stiffness, unknowns.mass, unknowns.length,
                              float(bent), unknowns.gripper_position, unknowns.gripper_rotation,
-                             max([_VARIATION, *varying]))
+                             max([_VARIATION, *varying]), unknowns.mass_gradient)
         return cls(EstimatorConfig(spread, **{
             'noise': camera.noise, 'bias': camera.bias,
             'outliers': max(camera.outliers, _LEAST_OUTLIERS), 'cutout': unknowns.hole_position,

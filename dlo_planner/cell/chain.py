@@ -7,15 +7,24 @@ much as the whole cell does, so the first joint is half a cell from the gripper.
 piece is the tangent of the DLO at its middle; positions and tangents there have an error of second
 order in the length of a cell. Each joint has three hinges, about n, t, b or about b, t, n in turn:
 the torsion due to the order of rotations cancels between neighbors.
+
+Hinges about n and b are softer where both bend. By angles a and c, with a torsion by tau, the
+tangent turns by theta, to fourth order theta^2 = a^2 + c^2 - a^2 c^2 / 3 - 2 a c tau. So the least
+energy of a bend at an angle phi from n is EI theta^2 (1 + x theta^2 sin(2 phi)^2) / 2 per length
+of a cell, x = (1/3 - EI / GJ) / 4. That is little, but a round DLO that is bent over turns easily
+about its axis: a soft wire hung 3.6 mm aside. Where a section bends alike about all axes, the
+hinges of half of the joints are therefore turned by 45 degrees about t, which leaves x / 2 at any
+phi, and a small part of the springs is cubic, by which the mean is 0.
 """
 
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.cell.truth import Truth
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.rod import Rod
 
 try:
@@ -35,6 +44,10 @@ __all__ = ['DLO', 'SCENE', 'Chain', 'add_chain', 'add_far_grip', 'add_grip', 'ad
 
 _GAUSS = np.polynomial.legendre.leggauss(5)
 _ORDERS = (1, 0, 2), (2, 0, 1)  # axes of the hinges in the order of the strains
+# rad, of one joint's hinges after the other about t: half of them on the mean, to second order
+# along the DLO, and those that are turned alike in both orders
+_TURNED = 0.0, np.radians(45), np.radians(45), 0.0
+_SOLID = 1.5    # largest EI / GJ = 1 + nu of a solid: what twists more easily leaves fourth order
 _THIN = 1e-4    # of mass times length^2 of a piece: the least inertia about its axis, to be above 0
 _HEAVY = 1e6    # mass of the gripper over that of the DLO, which then does not move it
 _LEVER = 30.0   # lengths: a hand's hold of a turn, by the engine's own rule, yields to the springs
@@ -65,6 +78,28 @@ class Chain:
     def cell(self) -> float:
         """Length of a cell, m."""
         return self.length / len(self.masses)
+
+    @property
+    def even(self) -> Bools:
+        """Which sections (n,) bend alike about all axes, as round ones do."""
+        alike: Bools = self.stiffness[:, 1] == self.stiffness[:, 2]
+        return alike
+
+    @property
+    def axes(self) -> Floats:
+        """Axes (n, 3, 3) of the hinges of each joint in its piece: torsion, about n, about b."""
+        turned = np.where(self.even, np.resize(_TURNED, len(self.masses)), 0.0)
+        axes: Floats = Rotation.from_euler('x', turned[:, None]).as_matrix().transpose(0, 2, 1)
+        return axes
+
+    @property
+    def cubic(self) -> Floats:
+        """The part (n, 3) of the moment with the angle's third power, N m / rad^3 over `unit`."""
+        ratio = np.minimum(self.stiffness[:, 1] / self.stiffness[:, 0], _SOLID)
+        # energy EI y (a^4 + c^4) / 2, on the mean of both turns EI y 3/4 theta^4 / 2: y = -2 x / 3
+        part = np.where(self.even, (ratio - 1 / 3) / 6, 0.0)
+        cubic: Floats = 2 * part[:, None] * self.stiffness * (0, 1, 1)
+        return cubic
 
     @property
     def slowness(self) -> float:
@@ -140,14 +175,14 @@ def add_gripper(spec: mujoco.MjSpec, chain: Chain) -> mujoco.MjsBody:
 
 def add_chain(gripper: mujoco.MjsBody, chain: Chain) -> None:
     """Add the pieces of a Chain to a gripper of MjSpec."""
-    parent, at = gripper, 0.5 * chain.cell
+    parent, at, axes = gripper, 0.5 * chain.cell, chain.axes
     for k in range(len(chain.masses)):
         piece = parent.add_body(name=f'piece {k}', pos=(at, 0, 0))
         piece.explicitinertial = True
         piece.mass, piece.inertia = chain.masses[k], chain.inertias[k]
         piece.ipos = (chain.centers[k], 0, 0)
-        for axis in _ORDERS[k % 2]:
-            piece.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=np.eye(3)[axis])
+        for axis in _ORDERS[k % len(_ORDERS)]:
+            piece.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=axes[k, axis])
         last = k == len(chain.masses) - 1
         _add_geom(piece, chain, k, (0.5 if last else 1) * chain.cell)
         parent, at = piece, chain.cell
@@ -181,19 +216,23 @@ def add_grip(spec: mujoco.MjSpec, chain: Chain, number: int, s: float) -> None:
 
 def set_springs(model: mujoco.MjModel, chain: Chain) -> Floats:
     """Set the stiffness and rest angles of an MjModel's joints; return the stiffness (3 n,)."""
-    orders = np.array([_ORDERS[k % 2] for k in range(len(chain.masses))])
-    stiffness = np.take_along_axis(chain.stiffness, orders, axis=1).ravel()
-    model.jnt_stiffness[1:] = stiffness
-    set_rest(model, chain.rest)
+    stiffness = _by_hinge(chain.stiffness)
+    model.jnt_stiffness[1:], model.jnt_stiffnesspoly[1:, 1] = stiffness, _by_hinge(chain.cubic)
+    set_rest(model, chain, chain.rest)
     # The solver's tolerance is relative to the mean inertia: here without that of the gripper.
     model.stat.meaninertia = chain.masses.mean() * chain.length**2 / 3
     return stiffness
 
 
-def set_rest(model: mujoco.MjModel, angles: Floats) -> None:
+def set_rest(model: mujoco.MjModel, chain: Chain, angles: Floats) -> None:
     """Set the rest angles (n, 3), rad, of an MjModel's joints: torsion, about n, about b."""
-    orders = np.array([_ORDERS[k % 2] for k in range(len(angles))])
-    model.qpos_spring[7:] = np.take_along_axis(angles, orders, axis=1).ravel()
+    model.qpos_spring[7:] = _by_hinge(np.einsum('kij,kj->ki', chain.axes, angles))
+
+
+def _by_hinge(values: Floats) -> Floats:
+    """Return values (n, 3) of torsion and of bending about two axes as the hinges (3 n,) are."""
+    orders = np.array([_ORDERS[k % len(_ORDERS)] for k in range(len(values))])
+    return np.take_along_axis(values, orders, axis=1).ravel()
 
 
 def _add_geom(body: Any, chain: Chain, k: int, length: float) -> None:

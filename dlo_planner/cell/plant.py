@@ -393,7 +393,7 @@ class Plant:
         for kink in self.course.disturbances.kinks:
             joint = min(int(kink.place * len(angles)), len(angles) - 1)
             angles[joint, 1:] += self.course.bend(kink, time)
-        set_rest(self._model, angles)
+        set_rest(self._model, self._chain, angles)
 
     def _piece(self, bump: Bump) -> int:
         """Return the number of the body that is pushed."""

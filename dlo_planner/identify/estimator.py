@@ -355,13 +355,15 @@ class DloEstimator:
         """Take in where a cut-out's center was seen (unless `seeing.cutout` is 0).
 
         One that is seen where it cannot be is not believed, nor is one that is no more where it was
-        seen before; two of the last eight are a doubt.
+        seen before; two of the last eight are a doubt. By a camera that looks at the DLO show to be
+        farther off than stated it may be seen as much farther off.
         """
         seeing = self.seeing
         if not seeing.cutout:
             return
         off = float(np.linalg.norm(seen - stated))
-        most = _FAR * float(np.sqrt(seeing.cutout**2 + seeing.bias**2 + seeing.noise**2))
+        bias = self.estimate.camera_scale * seeing.bias
+        most = _FAR * float(np.sqrt(seeing.cutout**2 + bias**2 + seeing.noise**2))
         if not off <= most:
             self._holes_disagree.append(True)
             raise InvalidTask(f'the cut-out was seen {off:.3g} m from where it is stated: expected '

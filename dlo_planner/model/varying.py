@@ -173,7 +173,7 @@ class Expanded(Value):
     """A number, pair or function of s, plus a series of Legendre polynomials on [0, length]."""
 
     base: Along
-    coefficients: Floats  # (m, k) of P_0 ... P_{m-1} in 2 s / length - 1
+    coefficients: Floats  # (m, k), or (m,) of a number, of P_0 ... P_{m-1} in 2 s / length - 1
     length: float         # m
 
     @property
@@ -321,7 +321,8 @@ def smooth(content: Expanded, length: float) -> Profile:
     edges = np.linspace(0, length, _PANELS + 1)
     places = edges[:-1, None] + np.diff(edges)[:, None] * _AT
     values: Floats = np.asarray(content.base) + np.moveaxis(
-        legval(2 * places / content.length - 1, content.coefficients), 0, -1)
+        legval(2 * places / content.length - 1,
+               content.coefficients.reshape(len(content.coefficients), -1)), 0, -1)
     return Profile(edges, values, np.zeros(0))
 
 

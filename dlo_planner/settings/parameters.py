@@ -158,6 +158,8 @@ _TABLE: dict[str, tuple[Any, ...]] = {
                                        'it.', 0.0, 1.0),
     'spread.torsional_stiffness': (0.05, 'The same of GJ.', 0.0, 1.0),
     'spread.mass': (0.02, 'The same of all masses.', 0.0, 1.0),
+    'spread.mass_gradient': (0.02, 'The same of how much the mass per length grows along the DLO, '
+                                   'as a part of its mean.', 0.0, 1.0),
     'spread.length': (0.0, 'The same of the length, m.', 0.0, 1.0),
     'spread.natural_curvature': (-1.0, 'The same of each component of the natural curvature, 1/m; '
                                        'below 0 = by the DLO: 0.05 rad over its length, and a '

@@ -88,6 +88,10 @@ class Uncertainty(Value):
         Deviation in 1/m of each of the natural curvature's two components about its
         mean, as root mean square along the DLO: Legendre polynomials P_1, P_2, ..., the higher the
         less, see `variation_deviations`.
+    mass_gradient : float
+        Deviation of how much the mass per length grows evenly from the gripper to the free end, as
+        a part of its mean, which stays. It bends a DLO otherwise in each direction of the gripper:
+        no stiffness, mass or curvature stands for it.
     """
 
     bending_stiffness: float = 0.0
@@ -98,6 +102,7 @@ class Uncertainty(Value):
     gripper_position: float = 0.0
     gripper_rotation: float = 0.0
     curvature_variation: float = 0.0
+    mass_gradient: float = 0.0
 
     def __post_init__(self) -> None:
         put(self, **{name: number(f'Uncertainty.{name}', getattr(self, name), minimum=0)
@@ -118,7 +123,8 @@ class RodParameters(Value):
     """Numbers x (n,) by which a Rod differs from the one that is stated, x = 0.
 
     Stiffnesses and masses are logarithms of factors, length is in m, damping in 1/s and s. Natural
-    curvature (k_n, k_b) and twist in 1/m are coefficients of functions of s.
+    curvature (k_n, k_b) and twist in 1/m are coefficients of functions of s; the gradient of the
+    mass is a part of its mean, see `Uncertainty`.
     """
 
     _PARTS = ('rod', 'quantities', 'numbers', 'knots')
@@ -149,7 +155,7 @@ class RodParameters(Value):
     def _columns(self) -> dict[str, tuple[Ints, Ints]]:
         names, numbers = np.array(self.quantities), np.array(self.numbers, dtype=int)
         return {name: (np.flatnonzero(names == name), numbers[names == name])
-                for name in {*STIFFNESS, *MASSES, *STRAINS, 'length', 'damping'}}
+                for name in {*STIFFNESS, *MASSES, *STRAINS, 'length', 'damping', 'mass_gradient'}}
 
     def columns(self, name: str) -> tuple[Ints, Ints]:
         """Return indices (k,) in x, and (k,) in the quantity `name`, of its k numbers."""
@@ -174,6 +180,25 @@ class RodParameters(Value):
     def mass_factors(self, x: Floats) -> Floats:
         """Return the factors (3,) of the masses along the DLO, at points, at its tip, at x."""
         return np.exp(self._logarithms[1] @ x)
+
+    def mass_gradient(self, x: Floats) -> float:
+        """Return by which part of its mean the mass per length grows along the DLO at x."""
+        return float(x[self.columns('mass_gradient')[0]].sum())
+
+    def _mass_per_length(self, factor: float, gradient: float, length: float) -> Along:
+        """Return a factor of the mass per length, kg/m, with a gradient in a length, m."""
+        content = scaled(self.rod.mass_per_length, factor)
+        if not gradient:
+            return content
+        mean = factor * _own_mass(self.rod) / self.rod.length
+        growth = np.array([0.0, 0.5 * gradient * mean])  # P_1 goes from -1 to 1
+        return Expanded(content, growth, length)
+
+    @property
+    def tapered(self) -> Rod:
+        """The Rod as stated, without tip and point masses, with a gradient of its mass of 1."""
+        return replace(self.rod, tip_mass=0.0, point_masses=(), mass_per_length=(
+            self._mass_per_length(1.0, 1.0, self.rod.length)))
 
     def coefficients(self, x: Floats) -> Floats:
         """Return (k, 3): of each function of s what is added to the natural strains, 1/m."""
@@ -209,7 +234,7 @@ class RodParameters(Value):
         alone = any(self.columns(f'bending_stiffness_{axis}')[0].size for axis in 'nb')
         changes |= {'bending_stiffness': _scaled(rod.bending_stiffness, np.array(bend)),
                     'torsional_stiffness': scaled(rod.torsional_stiffness, twist),
-                    'mass_per_length': scaled(rod.mass_per_length, spread),
+                    'mass_per_length': self._mass_per_length(spread, self.mass_gradient(x), length),
                     'tip_mass': tip * rod.tip_mass}
         if rod.section is not None:
             changes['section'] = None if alone else replace(
@@ -401,12 +426,13 @@ class ParameterizedMesh:
         self.parameters, self.mesh = parameters, mesh
         self.means = parameters.means(mesh.s)
         rod, s = parameters.rod, mesh.s
-        everything, spread, tip = (node_masses(one, s) for one in (
+        everything, spread, tip, tapered = (node_masses(one, s) for one in (
             rod, replace(rod, tip_mass=0.0, point_masses=()),
-            replace(rod, point_masses=())))
+            replace(rod, point_masses=()), parameters.tapered))
         tip = tip - spread
-        # (3, N + 1, 3) N: derivatives of the potential by the nodes' places, by what MASSES tells
-        self._weights = -np.array([spread, everything - spread - tip, tip])[
+        # (4, N + 1, 3) N: derivatives of the potential by the nodes' places, by what MASSES tells
+        # and by the gradient
+        self._weights = -np.array([spread, everything - spread - tip, tip, tapered - spread])[
             :, :, None] * mesh.surroundings.gravity
         self.by_length = self._by_length() if parameters.columns('length')[0].size else {}
 
@@ -416,7 +442,8 @@ class ParameterizedMesh:
         more = parameters.lengthened(x)
         fields = {name: getattr(system, name) + more * change
                   for name, change in self.by_length.items()}
-        heavier = parameters.mass_factors(x) - 1
+        spread, points, tip = parameters.mass_factors(x)
+        heavier = spread - 1, points - 1, tip - 1, spread * parameters.mass_gradient(x)
         return self.mesh.varied(**{
             **fields, 'natural': fields.get('natural', system.natural)
             + self.means @ parameters.coefficients(x),
@@ -496,11 +523,13 @@ class ParameterizedMesh:
                                               *parameters.functions(name), strict=True):
                 natural[column, :, axis] = self.means[:, function]
         gradients -= stiff * natural
-        weights = parameters.mass_factors(x)[:, None, None] * self._weights
-        for name, part in MASSES.items():
+        factors, gradient = parameters.mass_factors(x), parameters.mass_gradient(x)
+        weights = np.append(factors, factors[0])[:, None, None] * self._weights
+        by_mass = {name: (*part, part[0] * gradient) for name, part in MASSES.items()}
+        for name, by_weights in (*by_mass.items(), ('mass_gradient', (0.0, 0.0, 0.0, 1.0))):
             for column in parameters.columns(name)[0]:
                 gradients[:, column] = slope_of(pull=system.pull + np.tensordot(
-                    part, weights, 1)) - slope_of()
+                    by_weights, weights, 1)) - slope_of()
         stretch = np.zeros((parameters.size, lengths.size))
         for column in parameters.columns('length')[0]:
             by_length = {**self.by_length, 'stiffness': parameters.stiffness_factors(x)

@@ -83,7 +83,7 @@ class UncertainState(Value):
                           uncertainty.curvature_variation * variation_deviations(n_terms - 1))
         prior: dict[str, Sequence[float] | Floats] = {
             **{name: [getattr(uncertainty, name)] for name in (
-                'bending_stiffness', 'torsional_stiffness', 'mass', 'length')},
+                'bending_stiffness', 'torsional_stiffness', 'mass', 'mass_gradient', 'length')},
             'natural_curvature': np.repeat(terms, 2),
             'gripper_rotation': [uncertainty.gripper_rotation] * 3,
             'gripper_position': [uncertainty.gripper_position] * 3,

@@ -61,7 +61,7 @@ def test_two_chains_tell_no_doubt():
 def test_a_wire_that_hangs_freely_is_that_of_mujoco():
     pytest.importorskip('mujoco', reason='extra [cell] is not installed')
     from benchmarks.cross_check import compare  # noqa: PLC0415
-    found = compare(scene('benchmark A'), (14, 20, 28))
+    found = compare(scene('benchmark A'), (28, 40, 56))
     assert found.apart < found.estimate + found.doubt < 2e-4
     assert found.met
 

@@ -86,9 +86,9 @@ def test_it_stands_still_while_it_looks():
 
 def test_what_a_camera_is_known_to_do_wrong():
     camera = Camera(noise=2e-3, bias=1e-3, outliers=0.1, stamp_error=-0.06)
-    seeing = Looking.knowing(Unknowns(0.05, 0.02, hole_position=5e-4), camera).seeing
+    seeing = Looking.knowing(Unknowns(0.05, 0.02, 0.03, hole_position=5e-4), camera).seeing
     assert (seeing.noise, seeing.bias, seeing.outliers) == (2e-3, 1e-3, 0.1)
     assert (seeing.cutout, seeing.stamps) == (5e-4, 0.06)
     assert seeing.spread.bending_stiffness == seeing.spread.torsional_stiffness == 0.05
-    assert seeing.spread.mass == 0.02
+    assert (seeing.spread.mass, seeing.spread.mass_gradient) == (0.02, 0.03)
     assert Looking.knowing(UNKNOWN, CAMERA).seeing.outliers > 0

@@ -105,6 +105,25 @@ def test_without_the_hole_a_camera_that_is_farther_off_than_stated_makes_the_bou
         assert miss < bound or bound > 3.83e-3  # or it is kept out of a hole of 5 mm radius
 
 
+def test_a_hole_may_be_seen_as_much_farther_off_as_looks_show_the_camera_to_be(rng):
+    truth, far = Truth.drawn(rng), 8e-3 * np.array([0.6, 0.0, 0.8])
+    truth = replace(truth, bias=far)
+    out = DloEstimator(DIRECT, EstimatorConfig(SPREAD, NOISE, cutout=5e-4, camera_rotation=0.0))
+    seen = HOLE.center + 1.25 * far  # 10 mm, and expected are 9 mm at most
+    with pytest.raises(InvalidTask, match='expected 0.009 m at most'):
+        out.hole(HOLE.center, seen)
+    for time in np.arange(0.0, 4.0, 0.1):
+        out.gripper(time, BEFORE)
+    out.reset()
+    for stamp in np.arange(0.5, 3.0, 0.2):
+        out.look(stamp, truth.seen(rng, BEFORE, begin=0.4).points)
+    assert out.estimate.camera_scale > 3
+    out.hole(HOLE.center, seen)  # of 10 mm the camera is 8 mm off
+    assert not out.cutout_suspect
+    with pytest.raises(InvalidTask, match='m at most'):
+        out.hole(HOLE.center, HOLE.center + 10 * far)
+
+
 @pytest.mark.parametrize('late', [0.1, -0.1])
 def test_a_delay_of_all_stamps_is_told_by_looks_in_motion(late, rng):
     truth, speed = Truth.drawn(rng), np.array([0.0, 0.08, 0.05])

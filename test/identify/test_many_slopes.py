@@ -12,7 +12,7 @@ from dlo_planner.uncertainty.state import UncertainState
 ROD = Rod(1.0, 0.1, (0.05, 0.08), 0.04, natural_curvature=(0.8, -0.5), radius=2e-3, tip_mass=0.01)
 ALL = Uncertainty(bending_stiffness=0.02, torsional_stiffness=0.03, mass=0.01, length=1e-3,
                   natural_curvature=0.02, gripper_position=1e-3, gripper_rotation=1e-3,
-                  curvature_variation=0.05)
+                  curvature_variation=0.05, mass_gradient=0.03)
 S = np.array([0.11, 0.5, 0.875, 1.0])
 MESHES = {'local': {'n_elements': 64, 'basis': 'local'}, 'chebyshev': {'basis': 'chebyshev'},
           'fourier': {'n_elements': 50, 'basis': 'fourier'}}
@@ -40,7 +40,7 @@ def test_points_move_as_the_slopes_say():
     simulator = DirectSimulator(ROD, n_elements=64, basis='local')
     shapes, uncertain, step = simulator.track(grippers(2)), UncertainState(simulator, ALL, 3), 1e-4
     slopes, _ = uncertain.moved(shapes, S)
-    assert uncertain.size == 16
+    assert uncertain.size == 17
     for shape, own in zip(shapes, slopes, strict=True):
         for column in range(uncertain.size):
             ends = []

@@ -27,7 +27,8 @@ from dlo_planner.penalties import Through
 
 CURLY = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), tip_mass=0.01,
             point_masses=((0.6, 0.01),), natural_twist=0.3)
-WIDE = replace(SPREAD, natural_curvature=0.3, curvature_variation=0.2, gripper_rotation=0.05)
+WIDE = replace(SPREAD, natural_curvature=0.3, curvature_variation=0.2, gripper_rotation=0.05,
+               mass_gradient=0.1)
 OBSERVER = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
 PLAN = plan_of()
 

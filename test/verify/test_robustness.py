@@ -93,6 +93,21 @@ def test_a_curvature_that_varies_against_solving_again():
     assert got.worst == 'curvature_variation'
 
 
+def test_a_mass_that_grows_along_the_dlo_against_solving_again():
+    got = robustness(DIRECT, PLAN, Uncertainty(mass_gradient=SMALL))
+    length, mean = ROD.length, ROD.mass_per_length
+
+    def grown(gradient):
+        return DirectSimulator(replace(ROD, mass_per_length=lambda s: mean * (
+            1 + gradient * (s / length - 0.5))), n_elements=32)
+
+    shape = PLAN.shapes[1]
+    ahead, back = (across(grown(sign * SMALL).solve(shape.gripper), HOLE.center,
+                          1 - PLAN.depths[1]) for sign in (1, -1))
+    assert got.first_order[1] == pytest.approx(np.linalg.norm(0.5 * (ahead - back)), rel=1e-3)
+    assert got.worst == 'mass_gradient'
+
+
 @pytest.mark.parametrize('cause', ['gripper_position', 'gripper_rotation'])
 def test_causes_in_the_robot_against_solving_again(cause):
     got = robustness(DIRECT, PLAN, Uncertainty(**{cause: SMALL}))
