@@ -24,9 +24,11 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.accuracy import accurate_equilibrium, fine_enough, refined
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Feed, Shape
 from dlo_planner.direct.statics import Grips, StepInputs, grips_at, halved, step
 from dlo_planner.energy.loads import node_forces, node_masses
@@ -58,8 +60,9 @@ _DIFFERENCE = 1e-5    # of the length: by which places are moved to see how D an
 _MESH_MOVED = 1e-6    # of the length: the same, of nodes alone, which costs no solution
 _LONGEST = 0.15       # of the shorter part beside a ring: the longest step
 _SLACK_LEFT = 0.3     # of what a part has to spare: what a step leaves of it at least
-_LEAST_SLACK = 1e-3   # of the distance: with which a part begins that would be out of reach
-_MOST_SLACK = 0.02    # the same, where it cannot have as much as before
+# of the distance: with which parts begin that would be out of reach, as much as can be; more pull
+# tells Newton's method less
+_SLACKS = 0.1, 0.03, 0.01, 1e-3, 1e-6
 _REACHED = 1e-7       # of the distance: slack at which a part is about to be taut
 _END = 2e-3           # of the length: a ring nearer to the tip lets it go
 _SAGS = 0.1            # of what friction leaves: a step that leaves more asks for another matrix
@@ -272,12 +275,11 @@ class _Rings:
         spans = spans_of(self._holds, self._gripper, self._length)
         if all(span.distance < (1 - _REACHED) * span.length for span in spans):
             return self._begin
-        slacks = [_LEAST_SLACK * span.distance for span in spans]
+        slacks = [[part * span.distance for span in spans] for part in _SLACKS]
         if before is not None and len(before) == len(spans):
-            slacks = [max(one.length - one.distance, _LEAST_SLACK * span.distance)
-                      for one, span in zip(before, spans, strict=True)]
-        for least in (slacks, *([part * span.distance for span in spans]
-                                for part in (_MOST_SLACK, _LEAST_SLACK, 10 * _REACHED))):
+            slacks.insert(0, [max(one.length - one.distance, least) for one, least in zip(
+                before, slacks[-2], strict=True)])
+        for least in slacks:
             found = self._shared([span.distance + one for span, one in zip(
                 spans, least, strict=True)])
             if found is not None:
@@ -618,3 +620,36 @@ def _estimated(shape: Shape, holds: Holds, first: Discretization, matrix: Floats
             return np.inf
     away = finer.positions_at(shape.s) - shape.positions
     return float(4 / 3 * np.linalg.norm(away, axis=1).max() + 1e-15 * shape.s.size * shape.s[-1])
+
+
+def answer_at(shape: Shape, s: float) -> Floats:
+    """Return (6, 6) as `Sensitivity.at`, of a Shape that may slide through rings, too.
+
+    How the gripper changes what holds a ring's place back is how the place changes the gripper's
+    wrench: both are one second derivative of the energy.
+    """
+    stuck = changed(shape, holds=_stuck(shape.holds), state=changed(shape.state, feed=None))
+    answer, feed = Sensitivity(stuck).at(s), shape.state.feed
+    if feed is None or not any(feed.slides):
+        return answer
+    index = [k for k, hold in enumerate(shape.holds) if hold.is_ring]
+    slides, length = np.flatnonzero(feed.slides), float(shape.s[-1])
+    frame, place = stuck.frame_at(s)
+    fed, pulls = np.empty((6, slides.size)), np.empty((6, slides.size))
+    for column, ring in enumerate(slides.tolist()):
+        holds = list(stuck.holds)
+        at = holds[index[ring]].s
+        assert at is not None
+        by = _DIFFERENCE * length
+        holds[index[ring]] = shape.holds[index[ring]].at_place(at + by).stuck
+        mesh = stretched(shape.state.made_on, stuck.holds, tuple(holds), shape.state.made_on)
+        there = step(mesh, shape.gripper, changed(stuck, holds=tuple(holds)),
+                     StepInputs(holds=tuple(holds)), shape.element_strains)
+        axes, x = there.frame_at(s)
+        fed[:3, column] = Rotation.from_matrix(axes @ frame.T).as_rotvec() / by
+        fed[3:, column] = (x - place) / by
+        pulls[:3, column] = (there.gripper_wrench[3:] - shape.gripper_wrench[3:]) / by
+        pulls[3:, column] = (there.gripper_wrench[:3] - shape.gripper_wrench[:3]) / by
+    block = _symmetric(feed.stiffness[np.ix_(slides, slides)])
+    result: Floats = answer - fed @ np.linalg.lstsq(block, pulls.T, rcond=None)[0]
+    return result
