@@ -3,19 +3,19 @@
 """Routing: a DLO is led through clips, forks and round pegs, one after the other.
 
 What lies between the last fitting and the gripper is led past the mouth of the next one: first at a
-standoff before it, then along its mouth into its seat, the DLO's tangent along that of the seat.
-There the fitting holds from then on (a stage of its own begins), and the gripper goes on until it
+standoff before it, then along its mouth into its seat. There the fitting holds from then on (a stage of its own begins), and the gripper goes on until it
 presses the DLO into the seat as strongly as the fitting takes to snap. Then the next one follows.
 
-Where the gripper has to be is found by Gauss and Newton's method: three demands (the place across
-the seat's tangent, and the direction across the mouth, beside which its walls are), six motions of
-the gripper, of which the least is taken.
+Where the gripper has to be is found by Gauss and Newton's method: the DLO has to be in the middle of
+the mouth, at a height before the seat, and as slack as it was; the gripper may go anywhere, its axis
+turning as the DLO does. The direction in which the DLO comes is that from the last fitting: where a
+clip holds another one, it turns the DLO as it closes.
 From pose to pose it swings about the last fitting, so that the DLO stays as slack as it was.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
@@ -33,13 +33,12 @@ from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import SHARPEST, held_as_said, led, limit
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, items, number, vector
-from dlo_planner.model.holds import FarEnd, Hold, Holds, holds_of
+from dlo_planner.model.holds import FarEnd, Hold, holds_of
 from dlo_planner.model.pose import Pose, angle_between, displaced
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import Judge
-from dlo_planner.plan.plan import Plan, PlanStatus, in_stages, truncate
-from dlo_planner.plan.waypoint import waypoint_at
+from dlo_planner.plan.plan import Plan, PlanStatus, in_stages
+from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
 _AIMED = 1e-5        # of the length, and rad: by how much the DLO may miss a seat
 _CORRECTIONS = 40    # of the gripper until it does not
@@ -89,11 +88,6 @@ class Fitting(Value):
         put(self, mouth=mouth / size, push=number(f'{name}.push', self.push, minimum=0, unit='N'),
             room=number(f'{name}.room', self.room, above=0, unit='m'))
         super().__post_init__()
-
-    @property
-    def guides(self) -> bool:
-        """Whether the direction of the DLO in the seat counts."""
-        return getattr(self, 'grip', 'ring') not in ('ring', 'pinned')
 
     @property
     def outwards(self) -> Floats:
@@ -232,8 +226,7 @@ class Route(Task):
 
     The far end is held (a plugged connector), or free: then the first fitting takes the DLO at
     `tail` before it. Each fitting is approached at a `standoff` out of its mouth, entered along the
-    mouth with the DLO's tangent along that of the seat, and pressed into until the DLO presses with
-    its `push`. `Plan.events` tell which fitting holds before which of the `Plan.stages`;
+    mouth, and pressed into until the DLO presses with its `push`. `Plan.events` tell which fitting holds before which of the `Plan.stages`;
     `Plan.stage_plans` are what is timed, replayed and executed one by one. `Plan.tensions` has the
     tension of each span, `Plan.wrenches` the load of each fitting.
 
@@ -312,7 +305,6 @@ class _Aim(NamedTuple):
 
     pose: Pose
     aside: Floats    # (3,) unit vector across the DLO and the mouth
-    walls: Floats    # (k, 3) the same, where its direction counts between walls there
     s: float | None  # the place that is to be there, m; None: whichever is nearest
 
     @property
@@ -370,14 +362,14 @@ class _Routing:
 
     def _aim_at(self, fitting: Fitting, shape: Shape, name: str) -> _Aim:
         """Return the _Aim before a fitting, or raise Infeasible where it is out of reach."""
-        pose, walls = fitting.at(self._task.standoff), fitting.aside[None][:int(fitting.guides)]
+        pose = fitting.at(self._task.standoff)
         if not shape.holds:  # the far end hangs: nothing but the gripper says what is there
             tail = 0.2 * self._length if self._task.tail is None else self._task.tail
             if not tail < (1 - _LEAST) * self._length:
                 raise InvalidTask(f'tail = {tail:g}: expected less than '
                                   f'{(1 - _LEAST) * self._length:g} m, so that the gripper can '
                                   'lead')
-            return _Aim(pose, fitting.aside, walls, self._length - tail)
+            return _Aim(pose, fitting.aside, self._length - tail)
         way, at, before = self._way_from(shape, fitting)
         if at < (1 + self._task.slack) * way + _LEAST * self._length:
             raise self._refused(
@@ -385,7 +377,7 @@ class _Routing:
                 f'{name} cannot be reached: the way to it is {way:.3g} m, the DLO between '
                 f'{before} and the gripper {at:.3g} m, and {_LEAST * self._length:.3g} m are left '
                 'to lead by')
-        return _Aim(pose, fitting.aside, walls, None)
+        return _Aim(pose, fitting.aside, None)
 
     def _way_from(self, shape: Shape, fitting: Fitting) -> tuple[float, float, str]:
         """Return the way from the last fitting to one, how much DLO there is, m, and its name."""
@@ -487,7 +479,7 @@ class _Routing:
         """Return (k,) what a Shape misses of an _Aim, of the length and rad, and the largest."""
         axes, place = shape.frame_at(self._place(shape, aim))
         off = (place - aim.pose.position) / self._length
-        rows = np.array([*(aim.places @ off), *(aim.walls @ axes[:, 0])])
+        rows = aim.places @ off
         ahead = axes[:, 0] @ aim.pose.rotation[:, 0] > 0
         return rows, float(np.abs(rows).max()) if ahead else np.inf
 
@@ -495,20 +487,17 @@ class _Routing:
         return float(np.linalg.norm(shape.frame_at(self._place(shape, aim))[1]
                                     - aim.pose.position))
 
-    def _motions(self, shape: Shape, aim: _Aim) -> Floats:
-        """Return (6, k) twists of the gripper that are tried, by their sizes.
+    def _motions(self, shape: Shape) -> Floats:
+        """Return (6, 3) twists of the gripper that are tried, by their sizes.
 
-        It goes anywhere, with its axis turning as the DLO does about what holds next to it; and
-        turns in the plane of the walls, where the direction between these counts.
+        It goes anywhere, its axis turning as the DLO does about what holds next to it.
         """
         swings = np.zeros((6, 3))
         swings[3:] = self._length * np.eye(3)
         if shape.holds:
             way = shape.gripper.position - shape.holds[0].pose.position
             swings[:3] = self._length * np.cross(way, np.eye(3)).T / (way @ way)
-        turns = np.zeros((6, 1))
-        turns[:3, 0] = np.cross(aim.pose.rotation[:, 0], aim.aside)
-        return np.hstack([swings, turns]) if len(aim.walls) else swings
+        return swings
 
     def _at(self, shape: Shape) -> float:
         """Return where what holds next to the gripper does, of the length."""
@@ -522,21 +511,16 @@ class _Routing:
         s = self._place(shape, aim)
         answer, (axes, _) = answer_at(shape, s), shape.frame_at(s)
         tangent, moved = axes[:, 0], answer[3:]
-        turned = np.cross(answer[:3], tangent, axis=0)
         if aim.s is None:  # another place is level then
-            along, element = aim.pose.rotation[:, 0], min(
-                int(np.searchsorted(shape.s, s, side='right')) - 1, shape.s.size - 2)
-            strain = shape.element_strains[element]
-            shift = -(along @ moved) / float(along @ tangent)
-            moved = moved + np.outer(tangent, shift)
-            turned = turned + np.outer(axes @ (0.0, strain[2], -strain[1]), shift)
-        rows = np.vstack([aim.places @ moved / self._length, *aim.walls @ turned[None]])
+            along = aim.pose.rotation[:, 0]
+            moved = moved - np.outer(tangent, along @ moved) / float(along @ tangent)
+        rows = aim.places @ moved / self._length
         if shape.holds:  # as slack as before, whatever slides: else it would draw, or sag
             way = shape.gripper.position - shape.holds[0].pose.position
             size = float(np.linalg.norm(way))
             rows = np.vstack([rows, np.append(np.zeros(3), way / size) / self._length])
             miss = np.append(miss, size / self._length - straight * self._at(shape))
-        ways = self._motions(shape, aim)
+        ways = self._motions(shape)
         step: Floats = -ways @ (np.linalg.pinv(rows @ ways, rcond=1e-6) @ miss)
         most = max(float(np.linalg.norm(step[:3])) / _TURN,
                    float(np.linalg.norm(step[3:])) / (_SHIFT * self._length), 1.0)
@@ -628,34 +612,46 @@ class _Routing:
         self._added(plan, f'enter {name}')
         return shape, self._place(shape, aim._replace(pose=fitting.pose))
 
-    def _waypoint(self, shape: Shape, fitting: Fitting, aim: _Aim, height: float) -> object:
+    def _waypoint(self, shape: Shape, fitting: Fitting, aim: _Aim, height: float) -> Waypoint:
         """Return the Waypoint of a Shape before the seat of a fitting, with what it misses."""
         pose = fitting.at(height)
         made = waypoint_at(shape, pose.position, self._place(shape, aim._replace(pose=pose)),
                            pose.rotation[:, 0])
         return made._replace(via_points=())
 
-    def _presses(self, shape: Shape, fitting: Fitting, s: float) -> Iterator[Pose]:
-        """Yield Poses that press the DLO ever more into a fitting that holds it at s, m.
+    def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str) -> list[Shape]:
+        """Return Shapes that press ever more into a fitting that holds the DLO at s, m.
 
-        The gripper swings inwards about the seat, as slack as it was; then it draws the DLO tighter.
+        The gripper swings inwards about the seat, as slack as it was, as far as nothing is in the
+        way; then it draws the DLO tighter.
         """
-        out, seat, begin = fitting.outwards, fitting.pose.position, shape.gripper
-        way = begin.position - seat
+        out, seat = fitting.outwards, fitting.pose.position
+        way = begin.gripper.position - seat
         size = float(np.linalg.norm(way))
         ahead = way - (way @ out) * out
         ahead /= np.linalg.norm(ahead)
-        angle, slack = float(np.arcsin(way @ out / size)), max(1 - size / s, _TAUTEST)
-        for lower in np.arange(angle - _SWING, -_STEEPEST, -_SWING):
-            turned = Rotation.from_rotvec((angle - lower) * np.cross(out, ahead)).as_matrix()
-            yield Pose.from_rotation(seat + size * (np.cos(lower) * ahead + np.sin(lower) * out),
-                                     turned @ begin.rotation)
-        lower = min(angle - _SWING, -_STEEPEST)
-        turned = Rotation.from_rotvec((angle - lower) * np.cross(out, ahead)).as_matrix()
-        while slack > _TAUTEST:
-            slack *= _TIGHTER
-            yield Pose.from_rotation(seat + (1 - slack) * s * (
-                np.cos(lower) * ahead + np.sin(lower) * out), turned @ begin.rotation)
+        first = float(np.arcsin(way @ out / size))
+        angle, slack, swings, found = first, max(1 - size / s, _TAUTEST), True, [begin]
+        while self._push(found[-1], fitting, name) < fitting.push or len(found) < 2:
+            self._context.progress.check()
+            swings = swings and angle - _SWING > -_STEEPEST
+            lower = angle - _SWING if swings else angle
+            tighter = slack if swings else _TIGHTER * slack
+            if tighter < _TAUTEST:
+                break
+            turned = Rotation.from_rotvec((first - lower) * np.cross(out, ahead)).as_matrix()
+            pose = Pose.from_rotation(
+                seat + (1 - tighter) * s * (np.cos(lower) * ahead + np.sin(lower) * out),
+                turned @ begin.gripper.rotation)
+            there = self._simulator.track([pose], initial=found[-1], holds=[found[-1].holds])[0]
+            if not there.converged or there.jumped or self._silent.violation(Waypoint(there)):
+                if not swings:
+                    break
+                swings = False
+                continue
+            angle, slack = lower, tighter
+            found.append(there)
+        return found
 
     def _pressed(self, shape: Shape, fitting: Fitting, s: float, name: str) -> Shape:
         """Add the stage in which a fitting holds, and the DLO is pressed into it."""
@@ -665,22 +661,17 @@ class _Routing:
         if not begin.converged or begin.jumped:
             raise self._refused(f'press {name}', 'continuity', 0.0, f'where {name} closes the DLO '
                                 f'would not stay: {begin.status}')
-        found = [begin]
-        for pose in self._presses(begin, fitting, s):
-            self._context.progress.check()
-            there = self._simulator.track([pose], initial=found[-1], holds=[found[-1].holds])[0]
-            if not there.converged or there.jumped:
-                break
-            found.append(there)
-            if self._push(there, fitting, name) >= fitting.push:
-                break
+        found = self._presses(begin, fitting, s, name)
         pushed = self._push(found[-1], fitting, name)
         if len(found) < 2 or pushed < fitting.push:
             raise self._refused(
                 f'press {name}', 'push', fitting.push - pushed, f'{name} snaps at '
                 f'{fitting.push:.3g} N, the DLO presses into it with {pushed:.3g} N at most', 'N')
-        plan = led(self._context, [Grips(one.gripper, one.holds) for one in found], self._silent,
-                   (), begin)
+        try:
+            plan = led(self._context, [Grips(one.gripper, one.holds) for one in found],
+                       self._silent, (), begin)
+        except Infeasible as error:
+            raise self._again(error, f'press {name}') from None
         return self._added(plan, f'press {name}')
 
     def _push(self, shape: Shape, fitting: Fitting, name: str) -> float:
