@@ -378,7 +378,12 @@ class _Rings:
         for _ in range(_TRIALS):
             places = here.s + change
             back = (side * np.sign(places - self._begin) < 0) & (self._slip > 0)
-            places[back] = self._begin[back]  # there it sticks first
+            if back.any():  # one of them comes to where it was, and sticks first
+                parts = (self._begin - here.s)[back] / change[back]
+                first = np.flatnonzero(back)[parts.argmin()]
+                change = float(parts.min()) * change
+                places = here.s + change
+                places[first] = self._begin[first]
             if self._leave_slack(here.s, places):
                 there = self._at(self._moved(here.shape, places), places)
                 self._steps += 1

@@ -48,6 +48,10 @@ _ENTRIES = 6         # waypoints from the standoff to the seat
 _LEAST = 0.05        # of the length: the least that is left to lead by
 _RISES = 0.0, 0.1, 0.2, 0.35  # of the length: by how much the gripper rises on its way
 _SWING, _STEEPEST = 0.05, 0.2  # rad: by which it swings into a fitting, and how far beyond level
+# in which order it swings and draws tighter, whichever of these ways presses enough
+_ORDERS = (((True, False), (False, True)), ((True, True), (False, True), (True, False)),
+           ((False, True), (True, False)))
+_FIRM = 0.1          # least stability of a DLO that presses
 _TIGHTER, _TAUTEST = 0.7, 2e-4  # by which what is slack is drawn tighter then, and to which part
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
 
@@ -543,21 +547,22 @@ class _Routing:
         if pivot is not None:
             ways = [pose.position - pivot for pose in (begin, goal)]
             sizes = [float(np.linalg.norm(way)) for way in ways]
-            if min(sizes) > _STEP * length:
-                spins = Rotation.from_matrix(least_turn(
-                    ways[0] / sizes[0], ways[1] / sizes[1])).as_rotvec()
+            spins = Rotation.from_matrix(least_turn(
+                ways[0] / sizes[0], ways[1] / sizes[1])).as_rotvec()
         apart = float(np.linalg.norm(goal.position - begin.position)) + 2 * rise * length
         count = max(1, int(np.ceil(max(apart / (_STEP * length),
                                        angle_between(begin.rotation, goal.rotation) / SHARPEST,
                                        np.linalg.norm(spins) / SHARPEST))))
         poses = []
         for share in np.arange(1, count + 1) / count:
-            if spins.any() and pivot is not None:
-                way = Rotation.from_rotvec(share * spins).apply(ways[0] / sizes[0])
-                position = pivot + ((1 - share) * sizes[0] + share * sizes[1]) * way
+            position = (1 - share) * begin.position + share * goal.position
+            risen = rise * length * np.sin(np.pi * share) * up
+            if pivot is not None:
+                size = (1 - share) * sizes[0] + share * sizes[1]
+                way = size * Rotation.from_rotvec(share * spins).apply(ways[0] / sizes[0]) + risen
+                position = pivot + way * (size / np.linalg.norm(way))
             else:
-                position = (1 - share) * begin.position + share * goal.position
-            position = position + rise * length * np.sin(np.pi * share) * up
+                position = position + risen
             turned = Rotation.from_rotvec(share * whole).as_matrix() @ begin.rotation
             poses.append(Pose.from_rotation(position, turned))
         return [*poses[:-1], goal]
@@ -619,38 +624,44 @@ class _Routing:
                            pose.rotation[:, 0])
         return made._replace(via_points=())
 
-    def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str) -> list[Shape]:
-        """Return Shapes that press ever more into a fitting that holds the DLO at s, m.
+    def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str,
+                 order: Sequence[tuple[bool, bool]]) -> list[Shape]:
+        """Return Shapes that press into a fitting that holds the DLO at s, m, until it snaps.
 
-        The gripper swings inwards about the seat, as slack as it was, as far as nothing is in the
-        way; then it draws the DLO tighter.
+        The gripper swings inwards about the seat, draws the DLO tighter, or both: at each step what
+        comes first in `order` (swings, tightens) that the DLO follows with nothing in its way.
         """
         out, seat = fitting.outwards, fitting.pose.position
         way = begin.gripper.position - seat
         size = float(np.linalg.norm(way))
         ahead = way - (way @ out) * out
         ahead /= np.linalg.norm(ahead)
-        first = float(np.arcsin(way @ out / size))
-        angle, slack, swings, found = first, max(1 - size / s, _TAUTEST), True, [begin]
-        while self._push(found[-1], fitting, name) < fitting.push or len(found) < 2:
-            self._context.progress.check()
-            swings = swings and angle - _SWING > -_STEEPEST
-            lower = angle - _SWING if swings else angle
-            tighter = slack if swings else _TIGHTER * slack
-            if tighter < _TAUTEST:
-                break
+        first, found = float(np.arcsin(way @ out / size)), [begin]
+        angle, slack = first, max(1 - size / s, _TAUTEST)
+
+        def pressed(lower: float, tighter: float) -> Shape | None:
             turned = Rotation.from_rotvec((first - lower) * np.cross(out, ahead)).as_matrix()
             pose = Pose.from_rotation(
                 seat + (1 - tighter) * s * (np.cos(lower) * ahead + np.sin(lower) * out),
                 turned @ begin.gripper.rotation)
             there = self._simulator.track([pose], initial=found[-1], holds=[found[-1].holds])[0]
-            if not there.converged or there.jumped or self._silent.violation(Waypoint(there)):
-                if not swings:
+            if (not there.converged or there.jumped or there.stability < _FIRM
+                    or self._silent.violation(Waypoint(there))):
+                return None
+            return there
+
+        while self._push(found[-1], fitting, name) < fitting.push or len(found) < 2:
+            self._context.progress.check()
+            for swings, tightens in order:
+                lower = angle - _SWING * swings
+                tighter = _TIGHTER * slack if tightens else slack
+                if lower > -_STEEPEST and tighter > _TAUTEST and (
+                        there := pressed(lower, tighter)) is not None:
+                    angle, slack = lower, tighter
+                    found.append(there)
                     break
-                swings = False
-                continue
-            angle, slack = lower, tighter
-            found.append(there)
+            else:
+                break
         return found
 
     def _pressed(self, shape: Shape, fitting: Fitting, s: float, name: str) -> Shape:
@@ -661,18 +672,24 @@ class _Routing:
         if not begin.converged or begin.jumped:
             raise self._refused(f'press {name}', 'continuity', 0.0, f'where {name} closes the DLO '
                                 f'would not stay: {begin.status}')
-        found = self._presses(begin, fitting, s, name)
-        pushed = self._push(found[-1], fitting, name)
-        if len(found) < 2 or pushed < fitting.push:
-            raise self._refused(
-                f'press {name}', 'push', fitting.push - pushed, f'{name} snaps at '
-                f'{fitting.push:.3g} N, the DLO presses into it with {pushed:.3g} N at most', 'N')
-        try:
-            plan = led(self._context, [Grips(one.gripper, one.holds) for one in found],
-                       self._silent, (), begin)
-        except Infeasible as error:
-            raise self._again(error, f'press {name}') from None
-        return self._added(plan, f'press {name}')
+        most, refused = 0.0, None
+        for order in _ORDERS:
+            found = self._presses(begin, fitting, s, name, order)
+            pushed = self._push(found[-1], fitting, name)
+            most = max(most, pushed)
+            if len(found) < 2 or pushed < fitting.push:
+                continue
+            # and back, as slack as before, for what comes next
+            grips = [Grips(one.gripper, one.holds) for one in (*found, *found[-2::-1])]
+            try:
+                plan = led(self._context, grips, self._silent, (len(found) - 1,), begin)
+            except Infeasible as error:
+                refused = refused or self._again(error, f'press {name}')
+                continue
+            return self._added(plan, f'press {name}')
+        raise refused or self._refused(
+            f'press {name}', 'push', fitting.push - most, f'{name} snaps at {fitting.push:.3g} N, '
+            f'the DLO presses into it with {most:.3g} N at most', 'N')
 
     def _push(self, shape: Shape, fitting: Fitting, name: str) -> float:
         """Return the force with which a DLO presses into a fitting, N."""
