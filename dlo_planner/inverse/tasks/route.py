@@ -48,11 +48,14 @@ _ENTRIES = 6         # waypoints from the standoff to the seat
 _LEAST = 0.05        # of the length: the least that is left to lead by
 _RISES = 0.0, 0.1, 0.2, 0.35  # of the length: by how much the gripper rises on its way
 _SWING, _STEEPEST = 0.05, 0.2  # rad: by which it swings into a fitting, and how far beyond level
-# in which order it swings and draws tighter, whichever of these ways presses enough
-_ORDERS = (((True, False), (False, True)), ((True, True), (False, True), (True, False)),
-           ((False, True), (True, False)))
 _FIRM = 0.1          # least stability of a DLO that presses
-_TIGHTER, _TAUTEST = 0.7, 2e-4  # by which what is slack is drawn tighter then, and to which part
+_TAUTEST = 2e-5      # of the DLO between: the least that is slack
+_PULLS, _PULLED = 10, 0.1  # trials of how slack it is where the gripper pulls as it should, nearly
+_ABOUT = 2.0         # times less or more than it should: how the gripper may pull on its way
+_PASSING = 0.02      # of the length: what the DLO may miss a mouth by while it is drawn straight
+_STRONGER = 1.3      # by which it pulls more then
+_LOOSER = 1.5        # by which it is slackened, or drawn tighter, until it pulls less, or more
+_LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
 
 
@@ -429,26 +432,39 @@ class _Routing:
     def _aimed(self, shape: Shape, aim: _Aim) -> Shape | None:
         """Return the Shape that meets an _Aim, near another one; None if none is found."""
         miss, size = self._rows(shape, aim)
-        straight = float(np.linalg.norm(
-            shape.gripper.position - shape.holds[0].pose.position)) / (
-                self._at(shape) * self._length) if shape.holds else 0.0
+        pulls, slack = self._pulls(shape)
         for _ in range(_CORRECTIONS):
-            if size < _AIMED:
+            if size < _AIMED and pulls:
                 return shape
             self._context.progress.check()
-            step = self._correction(shape, aim, miss, straight)
+            step = self._correction(shape, aim, miss, 1 - slack)
             for _ in range(4):
-                pose = self._slack(shape, displaced(shape.gripper, step), straight)
+                pose = self._slack(shape, displaced(shape.gripper, step), 1 - slack)
                 there = self._simulator.track([pose], initial=shape, holds=[shape.holds])[0]
                 if there.converged and not there.jumped:
                     missed, after = self._rows(there, aim)
-                    if after < size:
+                    if after < size or not pulls and after < size + _PASSING:
                         break
                 step = 0.5 * step
             else:
                 return None
             shape, miss, size = there, missed, after
-        return shape if size < _AIMED else None
+            pulls, slack = self._pulls(shape)
+        return None
+
+    def _pulls(self, shape: Shape) -> tuple[bool, float]:
+        """Return whether the gripper pulls about as much as it should, and how slack it would then be.
+
+        As a part of the DLO between the gripper and what holds next to it.
+        """
+        if not shape.holds:
+            return True, 0.0
+        seat, at = shape.holds[0].pose.position, self._at(shape) * self._length
+        slack = 1 - float(np.linalg.norm(shape.gripper.position - seat)) / at
+        wanted, pull = self._least_pull(at), self._pull(shape, seat)
+        if wanted / _ABOUT < pull < wanted * _ABOUT:
+            return True, slack
+        return False, max(slack / _LOOSER if pull < wanted else slack * _LOOSER, _TAUTEST)
 
     def _slack(self, shape: Shape, pose: Pose, straight: float) -> Pose:
         """Return the gripper's Pose, drawn in to be no farther than a part `straight` of the DLO.
@@ -624,12 +640,11 @@ class _Routing:
                            pose.rotation[:, 0])
         return made._replace(via_points=())
 
-    def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str,
-                 order: Sequence[tuple[bool, bool]]) -> list[Shape]:
+    def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str) -> list[Shape]:
         """Return Shapes that press into a fitting that holds the DLO at s, m, until it snaps.
 
-        The gripper swings inwards about the seat, draws the DLO tighter, or both: at each step what
-        comes first in `order` (swings, tightens) that the DLO follows with nothing in its way.
+        The gripper pulls, swings inwards about the seat as long as nothing is in the way, then pulls
+        more and more.
         """
         out, seat = fitting.outwards, fitting.pose.position
         way = begin.gripper.position - seat
@@ -638,31 +653,56 @@ class _Routing:
         ahead /= np.linalg.norm(ahead)
         first, found = float(np.arcsin(way @ out / size)), [begin]
         angle, slack = first, max(1 - size / s, _TAUTEST)
+        pull = max(self._pull(begin, seat), self._least_pull(s) / _ABOUT)
 
-        def pressed(lower: float, tighter: float) -> Shape | None:
+        def pressed(lower: float, wanted: float) -> tuple[Shape, float] | None:
+            """Return the Shape at an angle, rad, with a pull, N, and what is slack then; or None."""
             turned = Rotation.from_rotvec((first - lower) * np.cross(out, ahead)).as_matrix()
-            pose = Pose.from_rotation(
-                seat + (1 - tighter) * s * (np.cos(lower) * ahead + np.sin(lower) * out),
-                turned @ begin.gripper.rotation)
-            there = self._simulator.track([pose], initial=found[-1], holds=[found[-1].holds])[0]
-            if (not there.converged or there.jumped or there.stability < _FIRM
-                    or self._silent.violation(Waypoint(there))):
-                return None
-            return there
+            loose, tight, wide = slack, 0.0, np.inf  # between the last two is what is wanted
+            for _ in range(_PULLS):
+                if loose < _TAUTEST:
+                    return None
+                pose = Pose.from_rotation(
+                    seat + (1 - loose) * s * (np.cos(lower) * ahead + np.sin(lower) * out),
+                    turned @ begin.gripper.rotation)
+                there = self._simulator.track([pose], initial=found[-1],
+                                              holds=[found[-1].holds])[0]
+                if not there.converged or there.jumped:
+                    loose *= _LOOSER
+                    continue
+                pulls = self._pull(there, seat)
+                tight, wide = (loose, wide) if pulls > wanted else (tight, loose)
+                if abs(pulls - wanted) < _PULLED * wanted:
+                    good = (there.stability > _FIRM and self._push(there, fitting, name) > -wanted
+                            * _LIFTS and self._silent.violation(Waypoint(there)) is None)
+                    return (there, loose) if good else None
+                loose = (loose * (_LOOSER if pulls > wanted else 1 / _LOOSER)
+                         if not tight or wide == np.inf else float(np.sqrt(tight * wide)))
+            return None
 
         while self._push(found[-1], fitting, name) < fitting.push or len(found) < 2:
             self._context.progress.check()
-            for swings, tightens in order:
-                lower = angle - _SWING * swings
-                tighter = _TIGHTER * slack if tightens else slack
-                if lower > -_STEEPEST and tighter > _TAUTEST and (
-                        there := pressed(lower, tighter)) is not None:
-                    angle, slack = lower, tighter
-                    found.append(there)
+            for lower, wanted in ((angle - _SWING, pull), (angle, _STRONGER * pull)):
+                if lower > -_STEEPEST and (there := pressed(lower, wanted)) is not None:
+                    angle, pull, slack = lower, wanted, there[1]
+                    found.append(there[0])
                     break
             else:
                 break
         return found
+
+    def _pull(self, shape: Shape, seat: Floats) -> float:
+        """Return the force with which the gripper pulls the DLO away from a seat (3,), N."""
+        way = shape.gripper.position - seat
+        return float(shape.gripper_wrench[:3] @ way / np.linalg.norm(way))
+
+    def _least_pull(self, length: float) -> float:
+        """Return a pull, N, that straightens a part of the DLO (m) about as much as it can bend."""
+        rod, surroundings = self._context.rod, self._simulator.surroundings
+        ends = np.linspace(0.0, length, 9)
+        weight = float(rod.masses_per_length(ends).mean()) * length * float(
+            np.linalg.norm(surroundings.gravity))
+        return weight + float(rod.stiffnesses(ends)[:, 1:].mean()) / length**2
 
     def _pressed(self, shape: Shape, fitting: Fitting, s: float, name: str) -> Shape:
         """Add the stage in which a fitting holds, and the DLO is pressed into it."""
@@ -672,24 +712,19 @@ class _Routing:
         if not begin.converged or begin.jumped:
             raise self._refused(f'press {name}', 'continuity', 0.0, f'where {name} closes the DLO '
                                 f'would not stay: {begin.status}')
-        most, refused = 0.0, None
-        for order in _ORDERS:
-            found = self._presses(begin, fitting, s, name, order)
-            pushed = self._push(found[-1], fitting, name)
-            most = max(most, pushed)
-            if len(found) < 2 or pushed < fitting.push:
-                continue
-            # and back, as slack as before, for what comes next
-            grips = [Grips(one.gripper, one.holds) for one in (*found, *found[-2::-1])]
-            try:
-                plan = led(self._context, grips, self._silent, (len(found) - 1,), begin)
-            except Infeasible as error:
-                refused = refused or self._again(error, f'press {name}')
-                continue
-            return self._added(plan, f'press {name}')
-        raise refused or self._refused(
-            f'press {name}', 'push', fitting.push - most, f'{name} snaps at {fitting.push:.3g} N, '
-            f'the DLO presses into it with {most:.3g} N at most', 'N')
+        found = self._presses(begin, fitting, s, name)
+        pushed = self._push(found[-1], fitting, name)
+        if len(found) < 2 or pushed < fitting.push:
+            raise self._refused(
+                f'press {name}', 'push', fitting.push - pushed, f'{name} snaps at '
+                f'{fitting.push:.3g} N, the DLO presses into it with {pushed:.3g} N at most', 'N')
+        # and back, as slack as before, for what comes next
+        grips = [Grips(one.gripper, one.holds) for one in (*found, *found[-2::-1])]
+        try:
+            plan = led(self._context, grips, self._silent, (len(found) - 1,), begin)
+        except Infeasible as error:
+            raise self._again(error, f'press {name}') from None
+        return self._added(plan, f'press {name}')
 
     def _push(self, shape: Shape, fitting: Fitting, name: str) -> float:
         """Return the force with which a DLO presses into a fitting, N."""
