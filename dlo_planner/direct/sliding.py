@@ -56,7 +56,7 @@ _EXACT = 1e-8         # of the length: a step as small changes nothing, where
 _ROUGHLY = 1e-6       # of the largest force speaks against a place
 _NOISE = 1e-6         # the same, of one that does not make less what speaks against a place
 _BALANCED = 1e-9      # of the largest force: what may speak against a place at the end
-_DIFFERENCE = 1e-5    # of the length: by which places are moved to see how D answers
+_DIFFERENCE = 1e-7    # of the length: by which places are moved to see how D answers; taut parts do soon
 _MESH_MOVED = 1e-6    # of the length: the same, of nodes alone, which costs no solution
 _LONGEST = 0.15       # of the shorter part beside a ring: the longest step
 _SLACK_LEFT = 0.3     # of what a part has to spare: what a step leaves of it at least
@@ -67,8 +67,9 @@ _REACHED = 1e-7       # of the distance: slack at which a part is about to be ta
 _END = 2e-3           # of the length: a ring nearer to the tip lets it go
 _SAGS = 0.1            # of what friction leaves: a step that leaves more asks for another matrix
 _KICK, _KICKS = 0.02, 3  # of the shorter part beside a ring: by which a saddle is left; how often
-_CURVED = 1e-3        # of the largest: curvatures of E below it count as much
+_CURVED = 1e-6        # of the largest: curvatures of E below it count as much
 _STRETCHED = 1.5      # times the longest element at first: a longer one asks for another mesh
+_SIGNS, _SWEEPS = 20, 200  # trials of which places slide; of the minimum, place by place
 _PART = 1e-3          # of a step: what tells how D changes in it
 _HALVINGS = 5         # of a step that is not found in one
 _REFINED = 4          # meshes that are tried for an accuracy
@@ -319,8 +320,9 @@ class _Rings:
             change = np.zeros_like(rest)
             values, vectors = np.linalg.eigh(_symmetric(self._matrix[np.ix_(slides, slides)]))
             scale = max(float(np.abs(values).max()), self._bend)
-            change[slides] = -vectors @ ((vectors.T @ rest[slides]) / np.maximum(
-                np.abs(values), _CURVED * scale))
+            curved = (vectors * np.maximum(np.abs(values), _CURVED * scale)) @ vectors.T
+            change[slides] = _with_friction(curved, here.slope[slides], self._slip[slides],
+                                            (here.s - self._begin)[slides])
             if size <= _BALANCED * self._force(here) or (
                     float(np.abs(change).max()) <= _EXACT * self._length
                     and size <= _ROUGHLY * self._force(here)):
@@ -374,16 +376,11 @@ class _Rings:
         """Return where a part of a change (n,) of the places leads; None: none is any good."""
         change = change * min(1.0, float((_LONGEST * self._parts(here.s) / np.maximum(
             np.abs(change), 1e-300)).min()))
-        now, size, side = self._potential(here), np.abs(rest).max(), np.sign(here.s - self._begin)
+        now, size, tiny = self._potential(here), np.abs(rest).max(), 1e-14 * self._length
         for _ in range(_TRIALS):
             places = here.s + change
-            back = (side * np.sign(places - self._begin) < 0) & (self._slip > 0)
-            if back.any():  # one of them comes to where it was, and sticks first
-                parts = (self._begin - here.s)[back] / change[back]
-                first = np.flatnonzero(back)[parts.argmin()]
-                change = float(parts.min()) * change
-                places = here.s + change
-                places[first] = self._begin[first]
+            sticks = (np.abs(places - self._begin) < tiny) & (self._slip > 0)
+            places[sticks] = self._begin[sticks]
             if self._leave_slack(here.s, places):
                 there = self._at(self._moved(here.shape, places), places)
                 self._steps += 1
@@ -505,6 +502,41 @@ class _Rings:
             stability=min(shape.stability, lowest), iterations=shape.iterations + self._steps,
             state=changed(state, feed=Feed(forces, sliding, matrix, work, trouble),
                           kicks=state.kicks + self._kicks, estimate=estimate))
+
+
+def _with_friction(matrix: Floats, slope: Floats, slip: Floats, moved: Floats) -> Floats:
+    """Return the change (n,) of places that makes a quadratic model of E and friction least.
+
+    The least of slope . change + change . matrix . change / 2 + slip . |moved + change|, by its
+    signs: those of what slides, 0 of what sticks (a primal-dual active set; else each in turn).
+
+    Shapes: matrix (n, n), positive definite, N/m; slope, slip (n,) N; moved (n,) m, since the step
+    began.
+    """
+    stiff = np.diag(matrix)
+
+    def shrunk(place: Floats, force: Floats) -> Floats:
+        wanted = place - force / stiff
+        result: Floats = np.sign(wanted) * np.maximum(np.abs(wanted) - slip / stiff, 0.0)
+        return result
+
+    place, signs = moved.copy(), np.sign(shrunk(moved, slope))
+    for _ in range(_SIGNS):
+        free = (signs != 0) | (slip == 0.0)
+        change = -moved.copy()
+        right = -(slope + slip * signs + matrix[:, ~free] @ change[~free])
+        change[free] = np.linalg.solve(matrix[np.ix_(free, free)], right[free])
+        place = np.where(free, moved + change, 0.0)
+        after = np.sign(shrunk(place, slope + matrix @ change))
+        after = np.where(free & (np.sign(place) == signs), signs, after)
+        if np.array_equal(after, signs):
+            return change
+        signs = after
+    place = moved.copy()
+    for _ in range(_SWEEPS):
+        for i in range(place.size):
+            place[i] = shrunk(place, slope + matrix @ (place - moved))[i]
+    return place - moved
 
 
 def _stuck(holds: Holds) -> Holds:

@@ -50,7 +50,7 @@ _RISES = 0.0, 0.1, 0.2, 0.35  # of the length: by how much the gripper rises on 
 _SWING, _STEEPEST = 0.05, 0.2  # rad: by which it swings into a fitting, and how far beyond level
 _FIRM = 0.1          # least stability of a DLO that presses
 _TAUTEST = 2e-5      # of the DLO between: the least that is slack
-_PULLS, _PULLED = 10, 0.1  # trials of how slack it is where the gripper pulls as it should, nearly
+_PULLS, _PULLED = 16, 0.2  # trials of how slack it is where the gripper pulls as it should, nearly
 _ABOUT = 2.0         # times less or more than it should: how the gripper may pull on its way
 _PASSING = 0.02      # of the length: what the DLO may miss a mouth by while it is drawn straight
 _STRONGER = 1.3      # by which it pulls more then
@@ -433,9 +433,12 @@ class _Routing:
         """Return the Shape that meets an _Aim, near another one; None if none is found."""
         miss, size = self._rows(shape, aim)
         pulls, slack = self._pulls(shape)
+        known: Shape | None = None  # that is in the middle, however the gripper pulls
         for _ in range(_CORRECTIONS):
-            if size < _AIMED and pulls:
-                return shape
+            if size < _AIMED:
+                known = shape
+                if pulls:
+                    break
             self._context.progress.check()
             step = self._correction(shape, aim, miss, 1 - slack)
             for _ in range(4):
@@ -447,10 +450,10 @@ class _Routing:
                         break
                 step = 0.5 * step
             else:
-                return None
+                break
             shape, miss, size = there, missed, after
             pulls, slack = self._pulls(shape)
-        return None
+        return known
 
     def _pulls(self, shape: Shape) -> tuple[bool, float]:
         """Return whether the gripper pulls about as much as it should, and how slack it would then be.
