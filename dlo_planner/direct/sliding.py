@@ -56,7 +56,8 @@ _EXACT = 1e-8         # of the length: a step as small changes nothing, where
 _ROUGHLY = 1e-6       # of the largest force speaks against a place
 _NOISE = 1e-6         # the same, of one that does not make less what speaks against a place
 _BALANCED = 1e-9      # of the largest force: what may speak against a place at the end
-_DIFFERENCE = 1e-7    # of the length: by which places are moved to see how D answers; taut parts do soon
+# of the length: by which places are moved to see how D answers, which taut parts do strongly
+_DIFFERENCE = 1e-7
 _MESH_MOVED = 1e-6    # of the length: the same, of nodes alone, which costs no solution
 _LONGEST = 0.15       # of the shorter part beside a ring: the longest step
 _SLACK_LEFT = 0.3     # of what a part has to spare: what a step leaves of it at least

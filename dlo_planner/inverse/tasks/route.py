@@ -3,14 +3,14 @@
 """Routing: a DLO is led through clips, forks and round pegs, one after the other.
 
 What lies between the last fitting and the gripper is led past the mouth of the next one: first at a
-standoff before it, then along its mouth into its seat. There the fitting holds from then on (a stage of its own begins), and the gripper goes on until it
-presses the DLO into the seat as strongly as the fitting takes to snap. Then the next one follows.
+standoff before it, then along its mouth into its seat. There the fitting holds from then on (a
+stage of its own begins), and the gripper goes on until it presses the DLO into the seat as strongly
+as the fitting takes to snap, and back. Then the next one follows.
 
-Where the gripper has to be is found by Gauss and Newton's method: the DLO has to be in the middle of
-the mouth, at a height before the seat, and as slack as it was; the gripper may go anywhere, its axis
+Where the gripper has to be is found by Gauss and Newton's method: the DLO has to be in the middle
+of the mouth, at a height before the seat, and about straight; the gripper may go anywhere, its axis
 turning as the DLO does. The direction in which the DLO comes is that from the last fitting: where a
 clip holds another one, it turns the DLO as it closes.
-From pose to pose it swings about the last fitting, so that the DLO stays as slack as it was.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from dlo_planner.model.holds import FarEnd, Hold, holds_of
 from dlo_planner.model.pose import Pose, angle_between, displaced
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.plan import Plan, PlanStatus, in_stages
+from dlo_planner.plan.plan import Plan, PlanStatus, in_stages, truncate
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
 _AIMED = 1e-5        # of the length, and rad: by how much the DLO may miss a seat
@@ -47,8 +47,8 @@ _STEP = 0.04         # of the length: between two waypoints of the way
 _ENTRIES = 6         # waypoints from the standoff to the seat
 _LEAST = 0.05        # of the length: the least that is left to lead by
 _RISES = 0.0, 0.1, 0.2, 0.35  # of the length: by how much the gripper rises on its way
-_SWING, _STEEPEST = 0.05, 0.2  # rad: by which it swings into a fitting, and how far beyond level
-_FIRM = 0.1          # least stability of a DLO that presses
+_SWING, _STEEPEST = 0.05, 0.35  # rad: by which it swings into a fitting, and how far beyond level
+_FIRM, _LESS_FIRM = 0.1, 0.5  # least stability of a DLO that presses; or of what it has before
 _TAUTEST = 2e-5      # of the DLO between: the least that is slack
 _PULLS, _PULLED = 16, 0.2  # trials of how slack it is where the gripper pulls as it should, nearly
 _ABOUT = 2.0         # times less or more than it should: how the gripper may pull on its way
@@ -72,6 +72,8 @@ class Fitting(Value):
         not count.
     push : float
         Force at which the DLO snaps in, N, against the mouth.
+    retains : float or None
+        Largest force out of the mouth that it bears from then on, N, at waypoints. If None, any.
     room : float
         Largest distance of the DLO from the middle of the mouth on its way in, m.
     """
@@ -80,6 +82,7 @@ class Fitting(Value):
     mouth: Floats = (0.0, 0.0, 1.0)  # type: ignore[assignment]  # an array (3,) from then on
     push: float = 0.0
     room: float = 1e-3
+    retains: float | None = None
 
     word: ClassVar[str] = 'fitting'
 
@@ -94,6 +97,8 @@ class Fitting(Value):
                               'DLO, whose tangent in the seat is (1, 0, 0)')
         put(self, mouth=mouth / size, push=number(f'{name}.push', self.push, minimum=0, unit='N'),
             room=number(f'{name}.room', self.room, above=0, unit='m'))
+        if self.retains is not None:
+            put(self, retains=number(f'{name}.retains', self.retains, minimum=0, unit='N'))
         super().__post_init__()
 
     @property
@@ -124,7 +129,7 @@ class Clip(Fitting):
     Attributes
     ----------
     pose : Pose
-        As of every fitting, like mouth, push and room.
+        As of every fitting, like mouth, push, room and retains.
     grip : str
         'aligned' (default): the DLO may turn about its tangent; 'clamped'; or 'pinned': about all.
     """
@@ -135,7 +140,8 @@ class Clip(Fitting):
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
-                     room: float = 1e-3, grip: str = 'aligned') -> None: ...
+                     room: float = 1e-3, retains: float | None = None,
+                     grip: str = 'aligned') -> None: ...
 
     def __post_init__(self) -> None:
         choice('Clip.grip', self.grip, ('aligned', 'clamped', 'pinned'))
@@ -154,7 +160,7 @@ class Fork(Fitting):
     Attributes
     ----------
     pose : Pose
-        As of every fitting, like mouth, push and room.
+        As of every fitting, like mouth, push, room and retains.
     slip : float
         Friction along the DLO, N, as of a Hold.
     grip : str
@@ -168,7 +174,8 @@ class Fork(Fitting):
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
-                     room: float = 1e-3, slip: float = 0.0, grip: str = 'ring') -> None: ...
+                     room: float = 1e-3, retains: float | None = None, slip: float = 0.0,
+                     grip: str = 'ring') -> None: ...
 
     def __post_init__(self) -> None:
         choice('Fork.grip', self.grip, ('ring', 'tube'))
@@ -190,7 +197,7 @@ class Peg(Fitting):
     Attributes
     ----------
     pose : Pose
-        As of every fitting, like mouth, push and room: where the DLO bears on the post.
+        As of every fitting, like mouth, push, room and retains: where the DLO bears on the post.
     friction : float
         Coulomb's coefficient.
     angle : float
@@ -207,8 +214,8 @@ class Peg(Fitting):
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
-                     room: float = 1e-3, friction: float = 0.0, angle: float = 0.0,
-                     tension: float = 0.0) -> None: ...
+                     room: float = 1e-3, retains: float | None = None, friction: float = 0.0,
+                     angle: float = 0.0, tension: float = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
         put(self, friction=number('Peg.friction', self.friction, minimum=0, maximum=10),
@@ -233,9 +240,10 @@ class Route(Task):
 
     The far end is held (a plugged connector), or free: then the first fitting takes the DLO at
     `tail` before it. Each fitting is approached at a `standoff` out of its mouth, entered along the
-    mouth, and pressed into until the DLO presses with its `push`. `Plan.events` tell which fitting holds before which of the `Plan.stages`;
-    `Plan.stage_plans` are what is timed, replayed and executed one by one. `Plan.tensions` has the
-    tension of each span, `Plan.wrenches` the load of each fitting.
+    mouth, and pressed into until the DLO presses with its `push`. `Plan.events` tell which fitting
+    holds before which of the `Plan.stages`; `Plan.stage_plans` are what is timed, replayed and
+    executed one by one. `Plan.tensions` has the tension of each span, `Plan.wrenches` the load of
+    each fitting.
 
     The fittings are points: that the DLO fits into them is looked at by `room` alone, and their
     bodies are in the way only if they are obstacles of the simulator, as are the hands. Motions are
@@ -361,7 +369,7 @@ class _Routing:
             name = f'{fitting.word} {number_}'
             aim = self._aim_at(fitting, shape, name)
             begin = self._gripper_for(fitting, shape, aim, name)
-            shape = self._approached(shape, begin, fitting, name)
+            shape = self._way(shape, begin, f'approach {name}')
             shape, s = self._entered(shape, fitting, aim, name)
             shape = self._pressed(shape, fitting, s, name)
         if self._task.to is not None:
@@ -404,7 +412,7 @@ class _Routing:
             lead = (1 - self._task.slack) * length - way
         else:
             lead = (1 - self._task.slack) * aim.s
-        turn = least_turn(shape.gripper.rotation[:, 0], along)
+        turn = least_turn(np.array(shape.gripper.rotation[:, 0]), along)
         guess = Pose.from_rotation(at - lead * along, turn @ shape.gripper.rotation)
         there = self._led_to(shape, guess)
         if there is None:
@@ -432,7 +440,7 @@ class _Routing:
     def _aimed(self, shape: Shape, aim: _Aim) -> Shape | None:
         """Return the Shape that meets an _Aim, near another one; None if none is found."""
         miss, size = self._rows(shape, aim)
-        pulls, slack = self._pulls(shape)
+        by, (pulls, slack) = _LOOSER, self._pulls(shape, _LOOSER)
         known: Shape | None = None  # that is in the middle, however the gripper pulls
         for _ in range(_CORRECTIONS):
             if size < _AIMED:
@@ -451,23 +459,33 @@ class _Routing:
                 step = 0.5 * step
             else:
                 break
+            before = slack > 1 - self._straight(shape)
             shape, miss, size = there, missed, after
-            pulls, slack = self._pulls(shape)
+            pulls, slack = self._pulls(shape, by)
+            if (slack > 1 - self._straight(shape)) != before:  # too much before, too little now
+                by = float(np.sqrt(by))
         return known
 
-    def _pulls(self, shape: Shape) -> tuple[bool, float]:
-        """Return whether the gripper pulls about as much as it should, and how slack it would then be.
+    def _straight(self, shape: Shape) -> float:
+        """Return how far the gripper is from what holds next to it, of the DLO between."""
+        if not shape.holds:
+            return 1.0
+        way = shape.gripper.position - shape.holds[0].pose.position
+        return float(np.linalg.norm(way)) / (self._at(shape) * self._length)
 
-        As a part of the DLO between the gripper and what holds next to it.
+    def _pulls(self, shape: Shape, by: float) -> tuple[bool, float]:
+        """Return whether the gripper pulls about as it should, and what would be slack if it did.
+
+        As a part of the DLO between the gripper and what holds next to it; changed by a factor.
         """
         if not shape.holds:
             return True, 0.0
-        seat, at = shape.holds[0].pose.position, self._at(shape) * self._length
-        slack = 1 - float(np.linalg.norm(shape.gripper.position - seat)) / at
-        wanted, pull = self._least_pull(at), self._pull(shape, seat)
+        slack = 1 - self._straight(shape)
+        wanted = self._least_pull(self._at(shape) * self._length)
+        pull = self._pull(shape, shape.holds[0].pose.position)
         if wanted / _ABOUT < pull < wanted * _ABOUT:
             return True, slack
-        return False, max(slack / _LOOSER if pull < wanted else slack * _LOOSER, _TAUTEST)
+        return False, max(slack / by if pull < wanted else slack * by, _TAUTEST)
 
     def _slack(self, shape: Shape, pose: Pose, straight: float) -> Pose:
         """Return the gripper's Pose, drawn in to be no farther than a part `straight` of the DLO.
@@ -552,9 +570,9 @@ class _Routing:
     # ---- stages -----------------------------------------------------------------------------
 
     def _poses(self, shape: Shape, goal: Pose, rise: float) -> list[Pose]:
-        """Return Poses on the way to a goal: about what holds next to the gripper, risen by so much.
+        """Return Poses on the way to a goal, about what holds next to the gripper.
 
-        `rise`: of the length, in the middle.
+        `rise`: of the length, by how much they rise in the middle.
         """
         begin, length = shape.gripper, self._length
         gravity = np.asarray(self._simulator.surroundings.gravity)
@@ -571,7 +589,7 @@ class _Routing:
         apart = float(np.linalg.norm(goal.position - begin.position)) + 2 * rise * length
         count = max(1, int(np.ceil(max(apart / (_STEP * length),
                                        angle_between(begin.rotation, goal.rotation) / SHARPEST,
-                                       np.linalg.norm(spins) / SHARPEST))))
+                                       float(np.linalg.norm(spins)) / SHARPEST))))
         poses = []
         for share in np.arange(1, count + 1) / count:
             position = (1 - share) * begin.position + share * goal.position
@@ -603,14 +621,9 @@ class _Routing:
         assert refused is not None  # one way is tried at least
         raise self._again(refused, name)
 
-    def _approached(self, shape: Shape, goal: Pose, fitting: Fitting, name: str) -> Shape:
-        """Add the stage that leads the DLO before the mouth of a fitting; return its end."""
-        del fitting
-        return self._way(shape, goal, f'approach {name}')
-
     def _entered(self, shape: Shape, fitting: Fitting, aim: _Aim,
                  name: str) -> tuple[Shape, float]:
-        """Add the stage in which the DLO goes into a fitting; return its end, and the place there."""
+        """Add the stage in which the DLO goes into a fitting; return its end, and what is there."""
         heights = np.linspace(self._task.standoff, 0.0, _ENTRIES + 1)
         found, poses = [shape], list[Pose]()
         for height in heights.tolist():
@@ -646,8 +659,8 @@ class _Routing:
     def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str) -> list[Shape]:
         """Return Shapes that press into a fitting that holds the DLO at s, m, until it snaps.
 
-        The gripper pulls, swings inwards about the seat as long as nothing is in the way, then pulls
-        more and more.
+        The gripper pulls, swings inwards about the seat as long as nothing is in the way, then
+        pulls more and more.
         """
         out, seat = fitting.outwards, fitting.pose.position
         way = begin.gripper.position - seat
@@ -657,9 +670,10 @@ class _Routing:
         first, found = float(np.arcsin(way @ out / size)), [begin]
         angle, slack = first, max(1 - size / s, _TAUTEST)
         pull = max(self._pull(begin, seat), self._least_pull(s) / _ABOUT)
+        firm = min(_FIRM, _LESS_FIRM * begin.stability)
 
         def pressed(lower: float, wanted: float) -> tuple[Shape, float] | None:
-            """Return the Shape at an angle, rad, with a pull, N, and what is slack then; or None."""
+            """Return the Shape at an angle with a pull, N, and what is slack then; or None."""
             turned = Rotation.from_rotvec((first - lower) * np.cross(out, ahead)).as_matrix()
             loose, tight, wide = slack, 0.0, np.inf  # between the last two is what is wanted
             for _ in range(_PULLS):
@@ -676,7 +690,7 @@ class _Routing:
                 pulls = self._pull(there, seat)
                 tight, wide = (loose, wide) if pulls > wanted else (tight, loose)
                 if abs(pulls - wanted) < _PULLED * wanted:
-                    good = (there.stability > _FIRM and self._push(there, fitting, name) > -wanted
+                    good = (there.stability > firm and self._push(there, fitting, name) > -wanted
                             * _LIFTS and self._silent.violation(Waypoint(there)) is None)
                     return (there, loose) if good else None
                 loose = (loose * (_LOOSER if pulls > wanted else 1 / _LOOSER)
@@ -710,7 +724,7 @@ class _Routing:
     def _pressed(self, shape: Shape, fitting: Fitting, s: float, name: str) -> Shape:
         """Add the stage in which a fitting holds, and the DLO is pressed into it."""
         hold = fitting.hold(s, shape.frame_at(s)[0], name)
-        holds = tuple(sorted((hold, *shape.holds), key=lambda one: one.s or self._length))
+        holds = holds_of(None, (hold, *shape.holds), self._length)
         begin = self._simulator.track([shape.gripper], initial=shape, holds=[holds])[0]
         if not begin.converged or begin.jumped:
             raise self._refused(f'press {name}', 'continuity', 0.0, f'where {name} closes the DLO '
@@ -737,6 +751,19 @@ class _Routing:
         return 0.0
 
     def _added(self, plan: Plan, name: str) -> Shape:
+        """Add a stage in which no fitting loses the DLO; return its end."""
+        limits = {f'{one.word} {k}': one for k, one in enumerate(self._task.fittings, start=1)}
+        for index, shape in enumerate(plan.shapes):
+            for hold in shape.holds:
+                held = limits.get(hold.by)
+                if held is None or held.retains is None:
+                    continue
+                pulled = -self._push(shape, held, hold.by)
+                if pulled > held.retains:
+                    raise Infeasible(
+                        f'{name}: waypoint {index}: the DLO is drawn out of {hold.by} with '
+                        f'{pulled:.3g} N, it retains {held.retains:.3g} N', index, 'retains',
+                        pulled - held.retains, truncate(plan, index, PlanStatus.PARTIAL), 'N')
         self._plans.append(plan)
         self._names.append(name)
         return plan.shapes[-1]
