@@ -64,6 +64,7 @@ _SLACK_LEFT = 0.3     # of what a part has to spare: what a step leaves of it at
 # of the distance: with which parts begin that would be out of reach, as much as can be; more pull
 # tells Newton's method less
 _SLACKS = 0.1, 0.03, 0.01, 1e-3, 1e-6
+_STARTS = 3           # of these that are tried
 _REACHED = 1e-7       # of the distance: slack at which a part is about to be taut
 _END = 2e-3           # of the length: a ring nearer to the tip lets it go
 _SAGS = 0.1            # of what friction leaves: a step that leaves more asks for another matrix
@@ -159,14 +160,16 @@ class _Rings:
     def found(self) -> Shape:
         """Return the Shape at the end of the step."""
         before = self._held_before()
-        places = self._foreseen(before)
-        if places is None:
-            places = self._reachable()
-        self.reached = places is not None
-        if places is None:  # as it is where it does not slide: its status says what is too short
-            shape = self._first_shape(self._begin, before)
-            return self._ended(self._at(shape, self._begin), '')
-        here = self._at(self._first_shape(places, before), places)
+        foreseen = self._foreseen(before)
+        starts = self._reachable() if foreseen is None else [foreseen]
+        self.reached = bool(starts)
+        # else as it is where it does not slide: its status says what is too short
+        for places in starts or [self._begin]:
+            here = self._at(self._first_shape(places, before), places)
+            if here.shape.converged:
+                break
+        if not starts:
+            return self._ended(here, '')
         for _ in range(_REFINED):
             if not here.shape.converged:
                 return self._ended(here, '')
@@ -266,8 +269,8 @@ class _Rings:
         places[back] = self._begin[back]
         return places if self._leave_slack(self._begin, places, before.gripper) else None
 
-    def _reachable(self) -> Floats | None:
-        """Return the places (n,) nearest to those before with which all is within reach, or None.
+    def _reachable(self) -> list[Floats]:
+        """Return places (n,) near those before with which all is within reach, best first; or none.
 
         A part that is too short gets its length from the part beyond it, the last one from those
         before. It is left as much slack as it had, if that can be.
@@ -275,8 +278,9 @@ class _Rings:
         before = None if self._initial is None else spans_of(
             self._initial.holds, self._initial.gripper, self._length)
         spans = spans_of(self._holds, self._gripper, self._length)
+        starts = list[Floats]()
         if all(span.distance < (1 - _REACHED) * span.length for span in spans):
-            return self._begin
+            starts.append(self._begin)
         slacks = [[part * span.distance for span in spans] for part in _SLACKS]
         if before is not None and len(before) == len(spans):
             slacks.insert(0, [max(one.length - one.distance, least) for one, least in zip(
@@ -285,8 +289,8 @@ class _Rings:
             found = self._shared([span.distance + one for span, one in zip(
                 spans, least, strict=True)])
             if found is not None:
-                return found
-        return None
+                starts.append(found)
+        return starts[:_STARTS]
 
     def _shared(self, needs: list[float]) -> Floats | None:
         """Return places (n,) with which parts have at least the lengths `needs` (A,), or None."""

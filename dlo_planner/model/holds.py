@@ -85,9 +85,9 @@ class Hold(Value):
         choice(f'{name}.grip', self.grip, _ALL_GRIPS)
         if self.s is not None:
             put(self, s=number(f'{name}.s', self.s, above=0))
-        if self.slip != 0.0:  # hardly ever
+        if not (isinstance(self.slip, float) and self.slip == 0.0):  # hardly ever
             put(self, slip=number(f'{name}.slip', self.slip, minimum=0, unit='N'))
-            if not self.is_ring:
+            if self.slip and not self.is_ring:
                 raise InvalidTask(f'{name}.slip = {self.slip:g}: expected 0 with grip = '
                                   f'{self.grip!r}, which holds a place; what slides is a '
                                   f'{" or ".join(RINGS)}')

@@ -33,7 +33,7 @@ from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import SHARPEST, held_as_said, led, limit
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, items, number, vector
-from dlo_planner.model.holds import FarEnd, Hold, holds_of
+from dlo_planner.model.holds import RINGS, FarEnd, Hold, holds_of
 from dlo_planner.model.pose import Pose, angle_between, displaced
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.builder import PlanBuilder
@@ -113,14 +113,6 @@ class Fitting(Value):
         result: Floats = np.cross(self.outwards, self.pose.rotation[:, 0])
         return result
 
-    def at(self, height: float) -> Pose:
-        """Return the Pose of the DLO before the seat, m."""
-        return Pose(self.pose.position + height * self.outwards, self.pose.quaternion)
-
-    def hold(self, s: float, axes: Floats, by: str) -> Hold:
-        """Return the Hold of a DLO that has just come in at s, m, with axes (3, 3) there."""
-        raise NotImplementedError
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Clip(Fitting):
@@ -146,11 +138,6 @@ class Clip(Fitting):
     def __post_init__(self) -> None:
         choice('Clip.grip', self.grip, ('aligned', 'clamped', 'pinned'))
         super().__post_init__()
-
-    def hold(self, s: float, axes: Floats, by: str) -> Hold:
-        """Return the Hold; a clamp takes the DLO as it is turned about its tangent."""
-        turn = least_turn(axes[:, 0], self.pose.rotation[:, 0])
-        return Hold(Pose.from_rotation(self.pose.position, turn @ axes), self.grip, s, by=by)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -181,11 +168,6 @@ class Fork(Fitting):
         choice('Fork.grip', self.grip, ('ring', 'tube'))
         put(self, slip=number('Fork.slip', self.slip, minimum=0, unit='N'))
         super().__post_init__()
-
-    def hold(self, s: float, axes: Floats, by: str) -> Hold:
-        """Return the Hold."""
-        del axes
-        return Hold(self.pose, self.grip, s, self.slip, by=by)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -224,14 +206,31 @@ class Peg(Fitting):
         super().__post_init__()
 
     @property
+    def grip(self) -> str:
+        """As of a Hold: the DLO may take any direction."""
+        return 'ring'
+
+    @property
     def slip(self) -> float:
         """The friction along the DLO, N."""
         return float(self.tension * np.expm1(self.friction * self.angle))
 
-    def hold(self, s: float, axes: Floats, by: str) -> Hold:
-        """Return the Hold."""
-        del axes
-        return Hold(self.pose, 'ring', s, self.slip, by=by)
+
+def before(fitting: Fitting, height: float) -> Pose:
+    """Return the Pose of the DLO before the seat of a Fitting, m out of it."""
+    return Pose(fitting.pose.position + height * fitting.outwards, fitting.pose.quaternion)
+
+
+def hold_by(fitting: Fitting, s: float, axes: Floats, by: str) -> Hold:
+    """Return the Hold of a DLO that has just come into a Fitting at s, m, with axes (3, 3) there.
+
+    What holds a place takes the DLO as it is turned about its tangent.
+    """
+    grip: str = getattr(fitting, 'grip', 'ring')
+    if grip in RINGS:
+        return Hold(fitting.pose, grip, s, getattr(fitting, 'slip', 0.0), by=by)
+    turn = least_turn(np.array(axes[:, 0]), fitting.pose.rotation[:, 0])
+    return Hold(Pose.from_rotation(fitting.pose.position, turn @ axes), grip, s, by=by)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -252,7 +251,8 @@ class Route(Task):
     Attributes
     ----------
     fittings : tuple of Fitting
-        Clips, Forks and Pegs, one or more. They are called 'clip 1', 'fork 2' and so on.
+        Clips, Forks and Pegs, one or more; a Clip takes hold of whatever place has come to
+        lie in it. They are called 'clip 1', 'fork 2' and so on.
     far_end : FarEnd or None
         What holds the far end. If None, it is free, or held as `initial` says.
     to : Pose or None
@@ -377,7 +377,7 @@ class _Routing:
 
     def _aim_at(self, fitting: Fitting, shape: Shape, name: str) -> _Aim:
         """Return the _Aim before a fitting, or raise Infeasible where it is out of reach."""
-        pose = fitting.at(self._task.standoff)
+        pose = before(fitting, self._task.standoff)
         if not shape.holds:  # the far end hangs: nothing but the gripper says what is there
             tail = 0.2 * self._length if self._task.tail is None else self._task.tail
             if not tail < (1 - _LEAST) * self._length:
@@ -385,12 +385,12 @@ class _Routing:
                                   f'{(1 - _LEAST) * self._length:g} m, so that the gripper can '
                                   'lead')
             return _Aim(pose, fitting.aside, self._length - tail)
-        way, at, before = self._way_from(shape, fitting)
+        way, at, last = self._way_from(shape, fitting)
         if at < (1 + self._task.slack) * way + _LEAST * self._length:
             raise self._refused(
                 name, 'reach', (1 + self._task.slack) * way + _LEAST * self._length - at,
                 f'{name} cannot be reached: the way to it is {way:.3g} m, the DLO between '
-                f'{before} and the gripper {at:.3g} m, and {_LEAST * self._length:.3g} m are left '
+                f'{last} and the gripper {at:.3g} m, and {_LEAST * self._length:.3g} m are left '
                 'to lead by')
         return _Aim(pose, fitting.aside, None)
 
@@ -459,10 +459,10 @@ class _Routing:
                 step = 0.5 * step
             else:
                 break
-            before = slack > 1 - self._straight(shape)
+            looser = slack > 1 - self._straight(shape)
             shape, miss, size = there, missed, after
             pulls, slack = self._pulls(shape, by)
-            if (slack > 1 - self._straight(shape)) != before:  # too much before, too little now
+            if (slack > 1 - self._straight(shape)) != looser:  # too much before, too little now
                 by = float(np.sqrt(by))
         return known
 
@@ -627,10 +627,10 @@ class _Routing:
         heights = np.linspace(self._task.standoff, 0.0, _ENTRIES + 1)
         found, poses = [shape], list[Pose]()
         for height in heights.tolist():
-            there = self._aimed(found[-1], aim._replace(pose=fitting.at(height)))
+            there = self._aimed(found[-1], aim._replace(pose=before(fitting, height)))
             if there is None:
                 raise self._refused(f'enter {name}', 'aim', self._miss(found[-1], aim._replace(
-                    pose=fitting.at(height))), f'{height:.3g} m before {name} no pose of the '
+                    pose=before(fitting, height))), f'{height:.3g} m before {name} no pose of the '
                     'gripper leads the DLO straight in')
             found.append(there)
             poses.append(there.gripper)
@@ -651,7 +651,7 @@ class _Routing:
 
     def _waypoint(self, shape: Shape, fitting: Fitting, aim: _Aim, height: float) -> Waypoint:
         """Return the Waypoint of a Shape before the seat of a fitting, with what it misses."""
-        pose = fitting.at(height)
+        pose = before(fitting, height)
         made = waypoint_at(shape, pose.position, self._place(shape, aim._replace(pose=pose)),
                            pose.rotation[:, 0])
         return made._replace(via_points=())
@@ -689,7 +689,7 @@ class _Routing:
                     continue
                 pulls = self._pull(there, seat)
                 tight, wide = (loose, wide) if pulls > wanted else (tight, loose)
-                if abs(pulls - wanted) < _PULLED * wanted:
+                if not fitting.push or abs(pulls - wanted) < _PULLED * wanted:
                     good = (there.stability > firm and self._push(there, fitting, name) > -wanted
                             * _LIFTS and self._silent.violation(Waypoint(there)) is None)
                     return (there, loose) if good else None
@@ -697,7 +697,8 @@ class _Routing:
                          if not tight or wide == np.inf else float(np.sqrt(tight * wide)))
             return None
 
-        while self._push(found[-1], fitting, name) < fitting.push or len(found) < 2:
+        while len(found) < 2 or fitting.push and (
+                self._push(found[-1], fitting, name) < fitting.push):
             self._context.progress.check()
             for lower, wanted in ((angle - _SWING, pull), (angle, _STRONGER * pull)):
                 if lower > -_STEEPEST and (there := pressed(lower, wanted)) is not None:
@@ -723,7 +724,8 @@ class _Routing:
 
     def _pressed(self, shape: Shape, fitting: Fitting, s: float, name: str) -> Shape:
         """Add the stage in which a fitting holds, and the DLO is pressed into it."""
-        hold = fitting.hold(s, shape.frame_at(s)[0], name)
+        s = self._settled(shape, fitting, s, name)
+        hold = hold_by(fitting, s, shape.frame_at(s)[0], name)
         holds = holds_of(None, (hold, *shape.holds), self._length)
         begin = self._simulator.track([shape.gripper], initial=shape, holds=[holds])[0]
         if not begin.converged or begin.jumped:
@@ -731,7 +733,7 @@ class _Routing:
                                 f'would not stay: {begin.status}')
         found = self._presses(begin, fitting, s, name)
         pushed = self._push(found[-1], fitting, name)
-        if len(found) < 2 or pushed < fitting.push:
+        if len(found) < 2 or fitting.push and pushed < fitting.push:
             raise self._refused(
                 f'press {name}', 'push', fitting.push - pushed, f'{name} snaps at '
                 f'{fitting.push:.3g} N, the DLO presses into it with {pushed:.3g} N at most', 'N')
@@ -742,6 +744,20 @@ class _Routing:
         except Infeasible as error:
             raise self._again(error, f'press {name}') from None
         return self._added(plan, f'press {name}')
+
+    def _settled(self, shape: Shape, fitting: Fitting, s: float, name: str) -> float:
+        """Return the place of the DLO that is in a fitting when that has closed, m, near s.
+
+        As it closes it turns the DLO, which needs length, and slides along it until it grips.
+        """
+        if not shape.holds:  # it is led by that place
+            return s
+        grip = 'ring' if getattr(fitting, 'grip', 'ring') in ('ring', 'pinned') else 'tube'
+        ring = Hold(fitting.pose, grip, s, by=name)
+        there = self._simulator.track([shape.gripper], initial=shape, holds=[
+            holds_of(None, (ring, *shape.holds), self._length)])[0]
+        found = next((hold.s for hold in there.holds if hold.by == name), None)
+        return s if found is None or not there.converged or there.jumped else found
 
     def _push(self, shape: Shape, fitting: Fitting, name: str) -> float:
         """Return the force with which a DLO presses into a fitting, N."""
