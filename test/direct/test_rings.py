@@ -20,8 +20,9 @@ from dlo_planner import (
 )
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.sliding import material_slope, stretched
+from dlo_planner.direct.sliding import answer_at, material_slope, stretched
 from dlo_planner.direct.statics import StepInputs, step
+from dlo_planner.model.pose import displaced
 from dlo_planner.model.value import changed
 
 toward = Pose.looking_along
@@ -262,3 +263,30 @@ def test_what_sticks_answers_as_a_pin_does():
     np.testing.assert_array_equal(shape.positions, pinned.positions)
     np.testing.assert_allclose(Sensitivity(shape).by_grips(0.3), Sensitivity(pinned).by_grips(0.3))
     assert shape.modes(2).frequencies == pytest.approx(pinned.modes(2).frequencies)
+
+
+def test_the_gripper_moves_what_slides():
+    # without friction every small motion lets the DLO slide: differences of shapes tell
+    simulator, holds = board('ring')
+    shape = simulator.solve(HERE, holds=holds)
+    answers, size, s = answer_at(shape, 0.3), 1e-5, 0.3
+    axes, _ = shape.frame_at(s)
+    for column in range(6):
+        twist = size * np.eye(6)[column]
+        ends = [simulator.solve(displaced(HERE, sign * twist), shape, holds=holds)
+                for sign in (1, -1)]
+        frames, places_there = zip(*(one.frame_at(s) for one in ends), strict=True)
+        moved = (places_there[0] - places_there[1]) / (2 * size)
+        turned = (frames[0] - frames[1]) @ axes.T / (2 * size)
+        np.testing.assert_allclose(answers[3:, column], moved, atol=2e-3)
+        np.testing.assert_allclose(answers[:3, column], [
+            turned[2, 1], turned[0, 2], turned[1, 0]], atol=2e-2)
+
+
+def test_two_rings_with_friction_that_pull_against_each_other():
+    # one would slide out, the other in: each has the sign of its own friction (a kink in between)
+    simulator, holds = board('ring', 0.3)
+    shapes = simulator.track([pulled(by) for by in (0.03, 0.06, 0.045, 0.06, 0.03, 0.0)],
+                             holds=holds)
+    assert all(shape.converged for shape in shapes)
+    assert max(np.abs(shape.slip_forces[:2]).max() for shape in shapes) <= 0.3 + 1e-6

@@ -46,7 +46,7 @@ def shot(shape, weight, jumps):
         y = np.concatenate([shape.gripper.position, shape.gripper.quaternion, -wrenches[0]])
         begin, left, parts = 0.0, [], []
         for ring, s, wrench, jump in zip(rings, places, wrenches[1:], jumps, strict=True):
-            part = solve_ivp(slope, (begin, s), y, 'DOP853', rtol=1e-10, atol=1e-11,
+            part = solve_ivp(slope, (begin, s), y, 'DOP853', rtol=1e-9, atol=1e-10,
                              dense_output=True)
             parts.append((begin, s, part.sol))
             y, begin = part.y[:, -1].copy(), s
@@ -62,7 +62,7 @@ def shot(shape, weight, jumps):
                 left += list(wrench[3:] / scale[3:])
             left.append(s / length - ring.s / length if jump is None
                         else (material(y) - before - jump) / scale[0])
-        part = solve_ivp(slope, (begin, length), y, 'DOP853', rtol=1e-10, atol=1e-11,
+        part = solve_ivp(slope, (begin, length), y, 'DOP853', rtol=1e-9, atol=1e-10,
                          dense_output=True)
         parts.append((begin, length, part.sol))
         y = part.y[:, -1]
@@ -76,7 +76,7 @@ def shot(shape, weight, jumps):
 
     first = np.concatenate([[ring.s / length for ring in rings], shape.gripper_wrench / scale,
                             *(wrench / scale for wrench in shape.wrenches[:len(rings)])])
-    found = root(lambda unknown: integrated(unknown)[0], first, tol=1e-12)
+    found = root(lambda unknown: integrated(unknown)[0], first, tol=1e-11)
     assert np.abs(found.fun).max() < 1e-8, found.message
     _, parts = integrated(found.x)
     positions = [next(sol(s)[:3] for begin, end, sol in parts if s <= end + 1e-12)

@@ -702,8 +702,9 @@ class _Routing:
             self._context.progress.check()
             for lower, wanted in ((angle - _SWING, pull), (angle, _STRONGER * pull)):
                 if lower > -_STEEPEST and (there := pressed(lower, wanted)) is not None:
+                    if (lower, there[1]) != (angle, slack):  # else it pulls enough already
+                        found.append(there[0])
                     angle, pull, slack = lower, wanted, there[1]
-                    found.append(there[0])
                     break
             else:
                 break
