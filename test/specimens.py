@@ -70,16 +70,20 @@ from dlo_planner.scene import Scene
 from dlo_planner.tasks import (
     Approach,
     Carry,
+    Clip,
+    Fork,
     InsertPlug,
     MoveTo,
+    Peg,
     PlanStatus,
     Plug,
     Requirements,
+    Route,
     ThreadInGrasps,
 )
 
 # For those who write tasks and penalties of their own: no values that are given or got.
-_OWN = {'PlanBuilder', 'PlanContext', 'Sensitivity', 'Task', 'Value', 'Waypoint', 'put',
+_OWN = {'Fitting', 'PlanBuilder', 'PlanContext', 'Sensitivity', 'Task', 'Value', 'Waypoint', 'put',
         'read_task', 'task_from_yaml', 'task_to_yaml', 'threading_of', 'waypoint_at', 'write_task'}
 PUBLIC = {name: getattr(module, name)
           for module in (dlo_planner, dlo_planner.tasks, dlo_planner.penalties,
@@ -135,6 +139,8 @@ def values():
                  ThreadSequence((hole, FAR), depths=DEPTHS), Approach(hole, plan.shapes[0], 0.05),
                  HoldContact(contact, 0.5), SlideContact(contact, [0.5]), Requirements(),
                  Minimize(PositionAt(1.0, (0.9, 0, 0.9))), MoveTo([LEVEL]), Carry(LEVEL),
+                 Clip(LEVEL), Fork(LEVEL), Peg(LEVEL),
+                 Route([Fork(Pose((0.9, 0.0, 1.0), (0, 0, 0, 1)), slip=1.0)]),
                  LayOnLine(LEVEL), Plug(0.05, 0.01, 0.02),
                  InsertPlug(LEVEL, Plug(0.05, 0.01, 0.02)), ThreadInGrasps(
                      hole, 0.15, Pose((-0.4, 0.0, 1.0), LEVEL.quaternion), hold_at=0.8)]
@@ -215,6 +221,10 @@ def arguments():
         'InsertPlug.depths': (0.0, 0.01), 'InsertPlug.from_depths.depths': (0.0, 0.01),
         'approach': 0.1, 'depth': 0.01, 'Plug.length': 0.05,
         'grasp': LEVEL, 'on_dlo': np.zeros(6),
+        'fittings': [known['Clip']], 'mouth': (0.0, 0.0, 1.0), 'push': 0.1, 'retains': 1.0,
+        'slip': 0.1, 'Fitting.room': 1e-3, 'Clip.room': 1e-3, 'Fork.room': 1e-3, 'Peg.room': 1e-3,
+        'Hold.slip': 0.0, 'Peg.friction': 0.2, 'Peg.angle': 1.0, 'tension': 1.0, 'standoff': 0.05,
+        'slack': 0.01, 'tail': 0.1, 'Clip.grip': 'aligned', 'Fork.grip': 'ring',
         'Plug.wrench.gravity': (0.0, 0.0, -9.81),
         'second': FAR, **_of_tasks(known), **message_specimens.arguments(),
         'plan': known['Plan'], 'concatenate.one': known['Plan'],

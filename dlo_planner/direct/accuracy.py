@@ -108,7 +108,7 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
         if not shape.converged:
             finer = None
             if shape.hinge is not None and shape.outlier is None:  # these elements may be too long
-                finer = _refined(mesh, fine, shape, accuracy)
+                finer = refined(mesh, fine, shape, accuracy)
             if finer is None:
                 return shape
             mesh, start = finer.with_nodes(inside) if inside else finer, None
@@ -133,7 +133,7 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
         if better is not None:
             mesh, start = better
         else:
-            finer = _refined(mesh, fine, shape, accuracy)
+            finer = refined(mesh, fine, shape, accuracy)
             if finer is None:
                 return judged(shape, wanted)
             mesh, start = finer.with_nodes(inside) if inside else finer, None
@@ -269,7 +269,7 @@ def mesh_to_begin_with(first: Discretization, fine: str, accuracy: float | None,
     return Discretization(around, s, known.basis, known.n_terms)
 
 
-def _refined(mesh: Discretization, fine: str, shape: Shape,
+def refined(mesh: Discretization, fine: str, shape: Shape,
              accuracy: float) -> Discretization | None:
     """Return a finer Discretization, or None at the limits."""
     around, s = mesh.surroundings, mesh.s

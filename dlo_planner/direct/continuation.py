@@ -21,6 +21,7 @@ import numpy as np
 from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.sliding import stretched
 from dlo_planner.direct.statics import (
     Grips,
     equilibrium,
@@ -34,7 +35,7 @@ from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
 from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.holds import Holds
+from dlo_planner.model.holds import Holds, alike, carried_on, counterpart
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import changed, freeze
@@ -82,6 +83,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
               halvings: int | None, tried: Shape | None = None) -> Shape:
     """Return what `follow` does."""
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
+    goal = goal._replace(holds=carried_on(goal.holds, previous.holds))
     way = _way(previous, goal)
     lying = (not last and way.size > 2.0 * _SHORTEST_LYING and not goal.holds
              and lies(previous) and not _is_long(way, True, at_once))
@@ -330,7 +332,8 @@ def _let_go(previous: Shape, shape: Shape) -> bool:
     """Whether a place that was held is not held any more, which frees energy."""
     for hold in previous.holds:
         for other in shape.holds:
-            if hold.s == other.s:
+            if hold.s == other.s or hold.is_ring and other.is_ring and counterpart(
+                    hold, previous.holds, shape.holds) is other:
                 break
         else:
             return True
@@ -349,9 +352,11 @@ def _lost(previous: Shape, shape: Shape) -> bool:
     least = _SPREAD * spread + _EXACT * energy
     if lost <= least:
         return False
-    past, mesh = shape.state.history, shape.state.mesh
+    past, mesh, feed = shape.state.history, shape.state.mesh, shape.state.feed
     if past is not None and shape.contacts:
         lost -= past.friction_work
+    if feed is not None:
+        lost -= feed.work
     if not shape.holds or shape_change(previous, shape) <= _LEAP_ON:
         least += _ROUGH * energy
         if mesh is not None:
@@ -366,11 +371,30 @@ def _on_mesh_of(shape: Shape, previous: Shape) -> Shape:
     if mesh is None or known is None or mesh is known or (
             mesh.has_nodes(previous.s) and mesh.n_unknowns == known.n_unknowns):
         return previous
+    if shape.state.feed is not None:
+        return _on_stretched_mesh_of(shape, previous)
     there = equilibrium(mesh, previous.gripper,
                         mesh.strains_from(previous.s, previous.element_strains),
                         mesh.past(previous.state.held), previous.holds,
                         culled=previous.state.culled)
     return there if there.converged else previous
+
+
+def _on_stretched_mesh_of(shape: Shape, previous: Shape) -> Shape:
+    """Return what `_on_mesh_of` does where the DLO slides: nodes go with what is in the rings."""
+    mesh, known = shape.state.made_on, previous.state.made_on
+    if alike(previous.holds, shape.holds) and mesh.s.size == known.s.size:
+        return previous  # stretched alike
+    places = [other.s if (other := counterpart(hold, shape.holds, previous.holds)) else hold.s
+              for hold in shape.holds]
+    there = tuple(hold if s is None else hold.at_place(s)
+                  for hold, s in zip(shape.holds, places, strict=True))
+    mesh = stretched(mesh, shape.holds, there, mesh)
+    stuck = tuple(hold.stuck for hold in previous.holds)
+    found = equilibrium(mesh, previous.gripper,
+                        mesh.strains_from(previous.s, previous.element_strains),
+                        mesh.past(previous.state.held), stuck, culled=previous.state.culled)
+    return found if found.converged else previous
 
 
 def _comes_off(previous: Shape, shape: Shape) -> bool:
@@ -425,6 +449,8 @@ def _passes(previous: Shape, shape: Shape) -> bool:
 
 def shape_change(one: Shape, other: Shape) -> float:
     """Return the largest change of a node's rotation relative to the gripper, in rad."""
+    if one.state.feed is not None or other.state.feed is not None:
+        return _change_between_rings(one, other)
     if one.s is other.s and one.state.mesh is not None:
         return largest_turn_between(one.frames, other.frames, one.gripper.rotation,
                                     other.gripper.rotation, one.state.mesh.sampled)
@@ -438,6 +464,28 @@ def shape_change(one: Shape, other: Shape) -> float:
     freeze((here, there))
     return largest_turn_between(here, there, one.gripper.rotation, other.gripper.rotation,
                                 np.arange(SAMPLES.size))
+
+
+def _change_between_rings(one: Shape, other: Shape) -> float:
+    """Return the same where the DLO slides: of as large parts of what is between rings.
+
+    And by how much it slides, of the length.
+    """
+    length, mine, theirs = float(one.s[-1]), [0.0], [0.0]
+    for hold in other.holds:
+        known = counterpart(hold, other.holds, one.holds) if hold.is_ring else None
+        if known is not None and known.s is not None and hold.s is not None:
+            mine.append(known.s)
+            theirs.append(hold.s)
+    slides = max(abs(a - b) for a, b in zip(mine, theirs, strict=True)) / length
+    samples = SAMPLES * length
+    there = np.interp(samples, [*mine, length], [*theirs, float(other.s[-1])])
+    frames, others = (np.array([shape.frame_at(s)[0] for s in at.tolist()])
+                      for shape, at in ((one, samples), (other, there)))
+    freeze((frames, others))
+    turn = largest_turn_between(frames, others, one.gripper.rotation, other.gripper.rotation,
+                                np.arange(SAMPLES.size))
+    return max(float(turn), slides)
 
 
 @kernel

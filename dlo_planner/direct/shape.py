@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,6 +40,7 @@ from dlo_planner.model.holds import (
     Hold,
     Holds,
     holds_of,
+    named,
     place_of,
     spans_of,
     tip_of,
@@ -127,6 +128,16 @@ def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tup
     return tuple(found)
 
 
+class Feed(NamedTuple):
+    """What is known of the rings that a DLO slides through, n of its A holds."""
+
+    forces: Floats     # (A,) N, derivative of the energy by the place in each; nan of other holds
+    slides: tuple[bool, ...]  # n, whether friction is at its limit there
+    stiffness: Floats  # (n, n) N/m, derivative of those forces by the places; nan where not known
+    work: float        # J, of friction in the step
+    trouble: str       # in words, why it does not stay so; '' where it does
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class State(Value):
     """What a Shape carries along, opaque to users; equal if the next step begins with one past."""
@@ -138,6 +149,7 @@ class State(Value):
     culled: bool = field(default=False, compare=False)  # found without what may act, which does not
     kicks: int = field(default=0, compare=False)  # how often the search for it left a saddle
     overspent: float = field(default=0.0, compare=False)  # J, see `statics.overspent`
+    feed: Feed | None = field(default=None, compare=False)  # None: there is no ring
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Discretization):  # else a simulator made it
@@ -237,6 +249,7 @@ class Shape(Pictured):
         point, is in an obstacle is part of it.
     holds : tuple
         The A Holds beside the gripper, in the order of their places; one of the tip is the last.
+        Of rings, `Hold.s` is the place that is in them here.
     wrenches : ndarray, shape (A, 6)
         As `gripper_wrench`, what each of them exerts on the DLO, moment about its place.
     dissipated : float
@@ -406,6 +419,9 @@ class Shape(Pictured):
     @property
     def impossible(self) -> str:
         """Return in words why no DLO can be in it, whatever its residual is; else ''."""
+        feed = self.state.feed
+        if feed is not None and feed.trouble:
+            return feed.trouble
         if self.state.overspent > 0.0:
             return (f'its step lost {self.state.overspent:.2g} J more to plastic deformation than '
                     'it was given')
@@ -426,7 +442,8 @@ class Shape(Pictured):
         if not self.holds or self.state.mesh is None:
             return ''
         from dlo_planner.direct.taut import coarseness  # noqa: PLC0415  (SciPy: a free DLO needs none)
-        return coarseness(self.state.mesh, self.gripper, self.holds)
+        return coarseness(self.state.mesh, self.gripper,
+                          tuple(hold.stuck for hold in self.holds))
 
     @property
     def hinge(self) -> float | None:
@@ -596,6 +613,18 @@ class Shape(Pictured):
         """(6,) as `gripper_wrench`, at the tip, moment about it; zeros if it is free."""
         wrench: Floats = NO_WRENCH if self.far_end is None else self.wrenches[-1]
         return wrench
+
+    @property
+    def slip_forces(self) -> Floats:
+        """(A,) force along the DLO, N, by which each ring's friction holds it back; nan elsewhere.
+
+        It is the derivative of the energy by the place in the ring: the jump of the material force
+        n . t + m . u - w (w: elastic energy per length), > 0 where the part beyond the ring draws
+        more. Where its size is the ring's `slip` the DLO slides. nan of holds of a place, and of a
+        shape from a file.
+        """
+        feed = self.state.feed
+        return np.full(len(self.holds), np.nan) if feed is None else feed.forces
 
     @property
     def rod(self) -> Rod | None:
@@ -798,7 +827,8 @@ class Shape(Pictured):
         ------
         InvalidTask
             The shape is not converged, neutral, one of a motion, grasped inside (take its `parts`)
-            or from a file; dead moments act, or it touches something with friction.
+            or from a file; dead moments act, it touches something with friction, or slides through
+            a ring.
         """
         n = integer('n', n, minimum=1, maximum=MOST_MODES)
         return modes_of(_linearized(self), n)
@@ -946,6 +976,17 @@ def check_movable(surroundings: Surroundings) -> None:
                           f'{shown(surroundings.other_loads[0])}, which depends on where it is')
 
 
+def refuse_sliding(name: str, shape: Shape) -> None:
+    """Raise InvalidTask where a Shape slides through a ring: there it answers by that, too."""
+    feed = shape.state.feed
+    if feed is not None and any(feed.slides):
+        rings = [hold for hold in shape.holds if hold.is_ring]
+        where = ', '.join(named(hold) for hold, slides in zip(rings, feed.slides, strict=True)
+                          if slides)
+        raise InvalidTask(f'{name}: expected one that sticks in all its rings; at {where} friction '
+                          'is at its limit, and how the DLO slides on is not linearized')
+
+
 def carried(shape: Shape, displacement: Floats) -> Shape:
     """Return what `Shape.moved` does, of an array (3,); what it touches has to be carried, too."""
     if shape.state.mesh is not None:
@@ -998,6 +1039,7 @@ def _linearized(shape: Shape, name: str = 'shape') -> Linearized:
         raise InvalidTask(f'{name} is {shape.status}: expected a converged one')
     if mesh.surroundings.has_moments:
         raise InvalidTask(f'{name}: expected one without dead moments, which have no potential')
+    refuse_sliding(name, shape)
     if any(shape.obstacles[contact.obstacle].friction for contact in shape.contacts):
         raise InvalidTask(f'{name}: expected one that touches nothing with friction, whose law is '
                           'not linear however small the vibrations are')
@@ -1024,6 +1066,7 @@ def pack(shape: Shape) -> dict[str, Any]:
                                       for hold in shape.holds]),
                    'hold_grips': np.array([hold.grip for hold in shape.holds]),
                    'held_by': np.array([hold.by for hold in shape.holds]),
+                   'hold_slips': np.array([hold.slip for hold in shape.holds]),
                    'wrenches': shape.wrenches}
     packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
@@ -1064,10 +1107,12 @@ def _unpacked_holds(stored: Mapping[str, Any]) -> tuple[Holds, Floats]:
         return (), NO_WRENCHES
     length = float(stored['s'][-1])
     holds: list[Hold] = []
-    for at, grip, by in zip(stored['holds'], stored['hold_grips'], stored['held_by'], strict=True):
+    slips = stored.get('hold_slips', np.zeros(len(stored['holds'])))  # not in files of before
+    for at, grip, by, slip in zip(stored['holds'], stored['hold_grips'], stored['held_by'],
+                                  slips, strict=True):
         pose = pose_of_row(at[:7])
         if at[7] < length:
-            holds.append(Hold(pose, str(grip), float(at[7]), by=str(by)))
+            holds.append(Hold(pose, str(grip), float(at[7]), float(slip), by=str(by)))
         else:
             tip = Hold(pose, str(grip), by=str(by))
             holds.append(FarEnd(pose, tip.grip) if tip.by == FarEnd.by else tip)

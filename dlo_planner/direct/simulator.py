@@ -44,7 +44,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.basis import BASES, converging
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, integer, items, number, shown
-from dlo_planner.model.holds import Hold, Holds, holds_of, named, places_of
+from dlo_planner.model.holds import Hold, Holds, have_rings, holds_of, named, places_of
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
@@ -513,6 +513,9 @@ class DirectSimulator(Value):
         if check is not None:  # a pose that is far, or a fall, takes many steps
             check()
         how = StepInputs(self._history, holds, self.method, self.strains, most)
+        if holds and have_rings(holds):
+            from dlo_planner.direct.sliding import slid  # noqa: PLC0415  (no other DLO needs it)
+            return slid(self._discretization, self._fine, self.accuracy, gripper, initial, how)
         if self.accuracy is None:
             mesh = self._discretization
             if holds and holds[0].s is not None:  # (the tip's is the last)
@@ -599,6 +602,9 @@ def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers
     held = held_by(far_ends, holds, len(grippers), simulator.rod.length)
     for gripper, there in zip(grippers, held, strict=True):
         simulator._check(gripper, None, there)
+    if have_rings(held[0]):
+        raise InvalidTask(f'holds = {shown(held[0])}: expected none that the DLO slides through: '
+                          'that is known at rest only')
     grips = moving_grips(grippers, held, dt, velocity is None, initial)
     plan = IntegrationOptions(len(grippers), integrator, tolerance)
     with interrupted_by(steps.check):

@@ -61,6 +61,7 @@ from dlo_planner.model.holds import (
     Holds,
     Span,
     alike,
+    counterpart,
     places_of,
     posed,
     row_count,
@@ -932,15 +933,17 @@ def work_of_grips(previous: Shape, shape: Shape) -> tuple[float, float]:
     work, spread = _work(one.rotation, other.rotation, one.position, other.position,
                          previous.gripper_wrench, shape.gripper_wrench)
     for hold, after in zip(shape.holds, shape.wrenches, strict=True):
-        before = NO_WRENCH
+        before, place = NO_WRENCH, hold.s
+        held = counterpart(hold, shape.holds, previous.holds)
         for known, wrench in zip(previous.holds, previous.wrenches, strict=True):
-            if known.s == hold.s:
-                before = wrench
+            if known is held:
+                before, place = wrench, known.s  # of a ring another place was in it
         turned, turned_after, at, at_after = (
             previous.frames[-1], shape.frames[-1], previous.positions[-1], shape.positions[-1])
         if hold.s is not None:
+            assert place is not None
             (turned, at), (turned_after, at_after) = (
-                frame_inside(previous, hold.s), frame_inside(shape, hold.s))
+                frame_inside(previous, place), frame_inside(shape, hold.s))
         more, wider = _work(turned, turned_after, at, at_after, before, after)
         work, spread = work + more, spread + wider
     return work, spread

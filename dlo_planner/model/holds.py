@@ -21,9 +21,10 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, items, number, vector
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value, put
+from dlo_planner.model.value import Value, put, same
 
 GRIPS = ('clamped', 'pinned', 'sleeve', 'aligned')
+RINGS = {'ring': 'pinned', 'tube': 'aligned'}  # the DLO goes through; how they hold it where it is
 FIXTURE = 'fixture'
 BORE = 'bore'  # what holds at the mouth of a bore
 _SLACK = 1e-9  # of the length
@@ -31,8 +32,11 @@ _APART = 1e-6  # of the length: the least distance of two holds, as what is betw
 _TIP = 1e-9    # of the length: what is nearer to the tip is there
 _PARALLEL = 1e-9  # rad: axes of sleeves that differ by less are parallel
 _SHARES = {'pinned': (0.0, 0.0, 0.0), 'aligned': (1.0, 0.0, 0.0)}
+_SHARES |= {ring: _SHARES[grip] for ring, grip in RINGS.items()}
 _ROWS = {'clamped': 6, 'pinned': 3, 'sleeve': 5, 'aligned': 5}
+_ROWS |= {ring: _ROWS[grip] for ring, grip in RINGS.items()}
 _ALL = np.eye(6)
+_ALL_GRIPS = (*GRIPS, *RINGS)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,14 +46,20 @@ class Hold(Value):
     Attributes
     ----------
     pose : Pose
-        Pose of the DLO's frame there (x axis = tangent); only its position counts if pinned.
+        Pose of the DLO's frame there (x axis = tangent); only its position counts if pinned, or in
+        a ring.
     grip : str
         'clamped': position and orientation; 'pinned': position; 'sleeve': clamped, but free to
         slide along the pose's x axis; 'aligned': position and tangent, free to turn about its
-        tangent.
+        tangent. Through two others the DLO slides: 'ring' holds its position, 'tube' its position
+        and tangent, as 'pinned' and 'aligned' do, at whatever place is in it.
     s : float or None
-        Arc length of the place, m. If None, the tip. It is a place of the DLO: that does not slide
-        through, but it may move with its place along a sleeve.
+        Arc length of the place, m. If None, the tip. It is a place of the DLO, which may move with
+        it along a sleeve. Of a ring or tube it is the place that is in it now: that of the shape
+        before, where this has the same one (the same `by` and pose, else the next of that name).
+    slip : float
+        Of a ring or tube: the friction along the DLO, N, that holds it where it is; it slides where
+        more would be needed. 0: it slides freely.
     by : str
         What holds there, as messages and pictures name it.
 
@@ -62,21 +72,28 @@ class Hold(Value):
     pose: Pose
     grip: str = 'clamped'
     s: float | None = None
+    slip: float = 0.0
     by: str = field(default=FIXTURE, kw_only=True)
 
     if TYPE_CHECKING:  # an integer is a number, too
-        def __init__(self, pose: Pose, grip: str = 'clamped', s: float | None = None, *,
-                     by: str = FIXTURE) -> None: ...
+        def __init__(self, pose: Pose, grip: str = 'clamped', s: float | None = None,
+                     slip: float = 0.0, *, by: str = FIXTURE) -> None: ...
 
     def __post_init__(self) -> None:
         name = type(self).__name__
         instance(f'{name}.pose', self.pose, Pose)
-        if isinstance(self.grip, str) and self.grip == 'ring':
-            raise InvalidTask(f"{name}.grip = 'ring': expected one of {', '.join(GRIPS)}; a hold "
-                              'that the DLO slides through is not there yet')
-        choice(f'{name}.grip', self.grip, GRIPS)
+        choice(f'{name}.grip', self.grip, _ALL_GRIPS)
         if self.s is not None:
             put(self, s=number(f'{name}.s', self.s, above=0))
+        if not (isinstance(self.slip, float) and self.slip == 0.0):  # hardly ever
+            put(self, slip=number(f'{name}.slip', self.slip, minimum=0, unit='N'))
+            if self.slip and not self.is_ring:
+                raise InvalidTask(f'{name}.slip = {self.slip:g}: expected 0 with grip = '
+                                  f'{self.grip!r}, which holds a place; what slides is a '
+                                  f'{" or ".join(RINGS)}')
+        if self.is_ring and self.s is None:
+            raise InvalidTask(f'{name}.s = None: expected the place that is in the {self.grip} at '
+                              'first, m; a tip does not slide through')
         if self.by is not FIXTURE:  # nearly always
             instance(f'{name}.by', self.by, str)
         super().__post_init__()
@@ -96,6 +113,20 @@ class Hold(Value):
         """Whether it lets the DLO's place move along its x axis."""
         return self.grip == 'sleeve'
 
+    @cached_property
+    def is_ring(self) -> bool:
+        """Whether the DLO slides through it."""
+        return self.grip in RINGS
+
+    @property
+    def stuck(self) -> Hold:
+        """What holds the place that is in a ring now, as if it did not slide; else itself."""
+        return Hold(self.pose, RINGS[self.grip], self.s, by=self.by) if self.is_ring else self
+
+    def at_place(self, s: float) -> Hold:
+        """Return the same ring with another place in it, m."""
+        return Hold(self.pose, self.grip, s, self.slip, by=self.by)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FarEnd(Hold):
@@ -112,6 +143,7 @@ class FarEnd(Hold):
     """
 
     s: float | None = field(default=None, init=False, repr=False)
+    slip: float = field(default=0.0, init=False, repr=False)
     by: str = field(default=FIXTURE, init=False, repr=False)
 
     if TYPE_CHECKING:
@@ -143,7 +175,7 @@ def posed(hold: Hold, pose: Pose) -> Hold:
     """Return the same Hold, of the same place, at another Pose."""
     if isinstance(hold, FarEnd):
         return FarEnd(pose, hold.grip)
-    return Hold(pose, hold.grip, hold.s, by=hold.by)
+    return Hold(pose, hold.grip, hold.s, hold.slip, by=hold.by)
 
 
 def held_rows(grip: str, rotation: Floats) -> Floats:
@@ -153,6 +185,7 @@ def held_rows(grip: str, rotation: Floats) -> Floats:
 
     Shapes: rotation (3, 3).
     """
+    grip = RINGS.get(grip, grip)
     if grip == 'clamped':
         return _ALL.copy()
     if grip == 'pinned':
@@ -207,6 +240,9 @@ def _of_tip(hold: Hold, length: float) -> Hold:
     if s > (1.0 + _TIP) * length:
         raise InvalidTask(f'{type(hold).__name__}.s = {s:.9g}: expected a place on the DLO, at '
                           f'most {length:.9g} m')
+    if hold.is_ring:
+        raise InvalidTask(f'{type(hold).__name__}.s = {s:.9g}: expected a place before the tip, at '
+                          f'{length:.9g} m: there the DLO is about to leave the {hold.grip}')
     return Hold(hold.pose, hold.grip, by=hold.by)
 
 
@@ -216,13 +252,51 @@ def places_of(holds: Holds) -> tuple[float, ...]:
 
 
 def alike(some: Holds, others: Holds) -> bool:
-    """Whether the same places are held in the same ways, wherever they are."""
+    """Whether the same places are held in the same ways, wherever they are.
+
+    Whatever place is in a ring.
+    """
     if len(some) != len(others):
         return False
     for one, other in zip(some, others, strict=True):
-        if one.grip != other.grip or one.s != other.s:
+        if one.grip != other.grip or one.slip != other.slip or (
+                one.s != other.s and not one.is_ring):
             return False
     return True
+
+
+def have_rings(holds: Holds) -> bool:
+    """Whether the DLO slides through any of them."""
+    return any(hold.is_ring for hold in holds)
+
+
+def counterpart(hold: Hold, holds: Holds, among: Holds) -> Hold | None:
+    """Return what one of `holds` was `among` those before; None: it was not there.
+
+    A place is the same; a ring is the one of the same name and pose, else as many rings of that
+    name are before it.
+    """
+    if not hold.is_ring:
+        return next((other for other in among if other.s == hold.s and not other.is_ring), None)
+    rings, before = ([other for other in each if other.is_ring and other.by == hold.by]
+                     for each in (holds, among))
+    for other in before:
+        if other.pose is hold.pose or same(other.pose, hold.pose):
+            return other
+    index = next(k for k, other in enumerate(rings) if other is hold)
+    return before[index] if index < len(before) else None
+
+
+def carried_on(holds: Holds, before: Holds) -> Holds:
+    """Return Holds, their rings with the places that were in them `before`, as far as known."""
+    if not have_rings(holds):
+        return holds
+    found = []
+    for hold in holds:
+        known = counterpart(hold, holds, before) if hold.is_ring else None
+        found.append(hold if known is None or known.s is None or known.s == hold.s
+                     else hold.at_place(known.s))
+    return tuple(found)
 
 
 def row_count(holds: Holds) -> int:

@@ -18,7 +18,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, shown
-from dlo_planner.model.holds import Hold, Holds, holds_of
+from dlo_planner.model.holds import Hold, Holds, have_rings, holds_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
@@ -89,7 +89,7 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     checked(executor)
     held: Holds = ()
     if not isinstance(holds, tuple) or holds:
-        held = holds_of(None, holds, simulator.rod.length)
+        held = _resting(holds, simulator.rod.length)
     quick = chains is None and not held and simulator.mesh.hangs and has_free_loop(simulator)
     chunk = (_QUICK if quick else _AT_ONCE) if chunk is None else integer(
         'chunk', chunk, minimum=1, maximum=_MOST)
@@ -143,7 +143,7 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
     # one loop fills the arrays of all, where nothing is long
     held: Holds = ()
     if not isinstance(holds, tuple) or holds:
-        held = holds_of(None, holds, simulator.rod.length)
+        held = _resting(holds, simulator.rod.length)
     loop = not held and simulator.mesh.hangs and has_free_loop(simulator)
     shapes = map(simulator, grippers, rods=rods, holds=held, chunk=_LOOP if loop else _AT_ONCE,
                  progress=progress, deadline=deadline)
@@ -207,6 +207,15 @@ def _parts(n: int, chunk: int, shared: bool) -> Iterator[tuple[int, int]]:
         most = chunk if not shared else min(chunk, max(_FEW, (n - begin) // _LAST))
         yield begin, min(begin + most, n)
         begin += most
+
+
+def _resting(holds: Iterable[Hold], length: float) -> Holds:
+    """Return Holds of a DLO of `length` (m) that are the same for all; raise InvalidTask."""
+    held = holds_of(None, holds, length)
+    if have_rings(held):
+        raise InvalidTask(f'holds = {shown(held)}: expected none that the DLO slides through, as '
+                          'each shape would be held at other places')
+    return held
 
 
 def _followed(simulator: DirectSimulator, motions: Sequence[Sequence[Pose]], holds: Holds,

@@ -23,7 +23,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.holds import BORE, FIXTURE, Hold, alike
+from dlo_planner.model.holds import BORE, FIXTURE, Hold, alike, place_of
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.plug import Plug
 from dlo_planner.model.pose import Pose
@@ -346,6 +346,25 @@ class Plan(Filmed):
         than elsewhere in the plan.
         """
         return wrenches_of(self.shapes)
+
+    @property
+    def tensions(self) -> Floats:
+        """(n, 1 + A) largest tension in each span, N, from the gripper on; nan where there is none.
+
+        A the most holds of a waypoint; what lies beyond the last hold is a span, too.
+        """
+        most = max((len(shape.holds) for shape in self.shapes), default=0)
+        out = np.full((len(self), 1 + most), np.nan)
+        for row, shape in zip(out, self.shapes, strict=True):
+            length, forces = float(shape.s[-1]), shape.section_forces
+            ends = [0.0, *(place_of(hold, length) for hold in shape.holds), length]
+            for k, (begin, end) in enumerate(zip(ends, ends[1:], strict=False)):
+                # each place stands twice, as seen from both sides
+                inside = (0.5 * (forces.s[::2] + forces.s[1::2]) > begin) & (
+                    0.5 * (forces.s[::2] + forces.s[1::2]) < end)
+                if inside.any():
+                    row[k] = forces.tension.reshape(-1, 2)[inside].max()
+        return out
 
     @property
     def goals(self) -> tuple[tuple[Residuals, ...], ...]:

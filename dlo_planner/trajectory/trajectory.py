@@ -22,8 +22,8 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import instance, items, number
-from dlo_planner.model.holds import alike
+from dlo_planner.model.checks import instance, items, number, shown
+from dlo_planner.model.holds import alike, have_rings
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Reported
@@ -205,6 +205,10 @@ def _simulator(simulator: Simulator | None, plan: Plan) -> Simulator:
         raise InvalidTask('plan: expected one stage, in which the same places are held all the '
                           f'time, as one of `stage_plans`, got {len(plan.stages)}; with an '
                           'infinite tolerance nothing is simulated')
+    if have_rings(first.holds):
+        raise InvalidTask(f'plan is held by {shown(first.holds)}: expected none that the DLO '
+                          'slides through, which is known at rest only; with an infinite '
+                          'tolerance nothing is simulated')
     length = float(first.s[-1]) + (0.0 if first.far_end is None else float(plan.depths[0]))
     at = grasped_at(first)
     if any(grasped_at(shape) != at or shape.far_end is None

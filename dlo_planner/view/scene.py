@@ -91,7 +91,7 @@ def hold_primitives(shape: Shape, length: float = _AXIS) -> list[Primitive]:
     letter = _CAPTION * shape.s[-1]
     for index, (hold, wrench) in enumerate(zip(shape.holds, shape.wrenches, strict=True)):
         at = hold.pose.position
-        if hold.grip == 'pinned':
+        if hold.grip in ('pinned', 'ring'):
             drawn.append(Primitive('hold', index, 'points', _GREEN, points=at[None],
                                    size=(0.2 * length,) * 3))
         else:

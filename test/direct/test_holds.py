@@ -272,7 +272,6 @@ def test_two_sleeves_are_as_far_apart_as_their_axes():
 
 
 @pytest.mark.parametrize(('make', 'said'), [
-    (lambda: Hold(at(0.1), 'ring', 0.3), 'a hold that the DLO slides through is not there yet'),
     (lambda: Hold(at(0.1), s=-0.3), 'Hold.s'),
     (lambda: Hold((0.1, 0, 0)), 'Hold.pose'),
     (lambda: Hold(at(0.1), by=3), 'Hold.by'),

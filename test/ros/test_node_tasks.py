@@ -46,7 +46,16 @@ from dlo_planner.ros.lifecycle import LATCHED
 from dlo_planner.ros.state import Proof
 from dlo_planner.ros.streaming import loop_task_of
 from dlo_planner.settings.tasks import task_to_yaml
-from dlo_planner.tasks import Approach, Carry, InsertPlug, MoveTo, Plug, ThreadInGrasps
+from dlo_planner.tasks import (
+    Approach,
+    Carry,
+    Fork,
+    InsertPlug,
+    MoveTo,
+    Plug,
+    Route,
+    ThreadInGrasps,
+)
 from msg_helpers.obstacles import obstacles_msg
 from msg_helpers.poses import pose_stamped_msg
 from msg_helpers.trajectories import poses_from_path
@@ -80,6 +89,7 @@ TASKS = {
     ThreadInGrasps: lambda: ThreadInGrasps(
         HOLES[0], 0.3, Pose.looking_along((-0.6, 0.0, 0.9), (1.0, 0.0, -0.5)), hold_at=0.8),
     MoveTo: lambda: MoveTo([Pose(HERE.position + np.array([0.0, 0.0, 0.15]), HERE.quaternion)]),
+    Route: lambda: Route([Fork(Pose.looking_along((0.55, 0.0, 0.95), (1.0, 0.1, 0.0)), slip=0.5)]),
     LayOnLine: lambda: LayOnLine(Pose.looking_along((0.8, 0.0, 0.9), (1.0, 0.2, 0.0)))}
 
 

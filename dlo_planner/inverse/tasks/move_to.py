@@ -20,12 +20,12 @@ from dlo_planner.inverse.continuation import GivenPoses, Passing, Step
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.checks import instance, items, number, shown
-from dlo_planner.model.holds import FarEnd, Hold, Holds, alike, holds_of
+from dlo_planner.model.holds import FarEnd, Hold, Holds, alike, have_rings, holds_of
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import PlanChecker
-from dlo_planner.plan.continuity import SURELY_STABLE, same
+from dlo_planner.plan.continuity import SAME, SURELY_STABLE, apart, same
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint
 
@@ -118,8 +118,10 @@ def _followed(simulator: DirectSimulator, before: Shape, goal: Grips, halvings: 
     if (again.converged and same(again, after) and halved.stability > least / 2
             and after.stability > before.stability / 2 and _evenly(before, halved, after)):
         return [after]
-    if not halvings:  # it cannot be told in which shape the DLO comes there
-        return [replace(after, jumped=True)]
+    if not halvings:
+        if have_rings(after.holds) and apart(before, after) < SAME * before.s[-1]:
+            return [after]  # where a ring begins to slide, or sticks, no step is even
+        return [replace(after, jumped=True)]  # it cannot be told in which shape the DLO comes there
     found = _followed(simulator, before, middle, halvings - 1)
     if not found[-1].converged or found[-1].jumped:
         return found

@@ -1,0 +1,811 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Routing: a DLO is led through clips, forks and round pegs, one after the other.
+
+What lies between the last fitting and the gripper is led past the mouth of the next one: first at a
+standoff before it, then along its mouth into its seat. There the fitting holds from then on (a
+stage of its own begins), and the gripper goes on until it presses the DLO into the seat as strongly
+as the fitting takes to snap, and back. Then the next one follows.
+
+Where the gripper has to be is found by Gauss and Newton's method: the DLO has to be in the middle
+of the mouth, at a height before the seat, and about straight; the gripper may go anywhere, its axis
+turning as the DLO does. The direction in which the DLO comes is that from the last fitting: where a
+clip holds another one, it turns the DLO as it closes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.sliding import answer_at
+from dlo_planner.direct.statics import Grips
+from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.inverse.equilibria import least_turn
+from dlo_planner.inverse.task import PlanContext, Task
+from dlo_planner.inverse.tasks.move_to import SHARPEST, held_as_said, led, limit
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import choice, instance, items, number, vector
+from dlo_planner.model.holds import RINGS, FarEnd, Hold, holds_of
+from dlo_planner.model.pose import Pose, angle_between, displaced
+from dlo_planner.model.value import Value, put
+from dlo_planner.plan.builder import PlanBuilder
+from dlo_planner.plan.plan import Plan, PlanStatus, in_stages, truncate
+from dlo_planner.plan.waypoint import Waypoint, waypoint_at
+
+_AIMED = 1e-5        # of the length, and rad: by how much the DLO may miss a seat
+_CORRECTIONS = 40    # of the gripper until it does not
+_TURN, _SHIFT = 0.1, 0.05  # rad and of the length: the largest correction
+_STEP = 0.04         # of the length: between two waypoints of the way
+_ENTRIES = 6         # waypoints from the standoff to the seat
+_LEAST = 0.05        # of the length: the least that is left to lead by
+_RISES = 0.0, 0.1, 0.2, 0.35  # of the length: by how much the gripper rises on its way
+_SWING, _STEEPEST = 0.05, 0.35  # rad: by which it swings into a fitting, and how far beyond level
+_FIRM, _LESS_FIRM = 0.1, 0.5  # least stability of a DLO that presses; or of what it has before
+_TAUTEST = 2e-5      # of the DLO between: the least that is slack
+_PULLS, _PULLED = 16, 0.2  # trials of how slack it is where the gripper pulls as it should, nearly
+_ABOUT = 2.0         # times less or more than it should: how the gripper may pull on its way
+_PASSING = 0.02      # of the length: what the DLO may miss a mouth by while it is drawn straight
+_STRONGER = 1.3      # by which it pulls more then
+_LOOSER = 1.5        # by which it is slackened, or drawn tighter, until it pulls less, or more
+_LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
+_ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fitting(Value):
+    """Base of what a DLO is laid into: its seat, and the way there.
+
+    Attributes
+    ----------
+    pose : Pose
+        Of the DLO in its seat: x axis = tangent, from the gripper on.
+    mouth : ndarray, shape (3,)
+        Where the DLO comes from, out of the seat, in the axes of `pose`; what is along the DLO does
+        not count.
+    push : float
+        Force at which the DLO snaps in, N, against the mouth.
+    retains : float or None
+        Largest force out of the mouth that it bears from then on, N, at waypoints. If None, any.
+    room : float
+        Largest distance of the DLO from the middle of the mouth on its way in, m.
+    """
+
+    pose: Pose
+    mouth: Floats = (0.0, 0.0, 1.0)  # type: ignore[assignment]  # an array (3,) from then on
+    push: float = 0.0
+    room: float = 1e-3
+    retains: float | None = None
+
+    word: ClassVar[str] = 'fitting'
+
+    def __post_init__(self) -> None:
+        name = type(self).__name__
+        instance(f'{name}.pose', self.pose, Pose)
+        mouth = np.array(vector(f'{name}.mouth', self.mouth, 3))
+        mouth[0] = 0.0
+        size = float(np.linalg.norm(mouth))
+        if size < _ACROSS:
+            raise InvalidTask(f'{name}.mouth = {self.mouth!r}: expected a direction across the '
+                              'DLO, whose tangent in the seat is (1, 0, 0)')
+        put(self, mouth=mouth / size, push=number(f'{name}.push', self.push, minimum=0, unit='N'),
+            room=number(f'{name}.room', self.room, above=0, unit='m'))
+        if self.retains is not None:
+            put(self, retains=number(f'{name}.retains', self.retains, minimum=0, unit='N'))
+        super().__post_init__()
+
+    @property
+    def outwards(self) -> Floats:
+        """(3,) unit vector out of the seat, world axes."""
+        result: Floats = self.pose.rotation @ self.mouth
+        return result
+
+    @property
+    def aside(self) -> Floats:
+        """(3,) unit vector across the DLO and the mouth, world axes."""
+        result: Floats = np.cross(self.outwards, self.pose.rotation[:, 0])
+        return result
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Clip(Fitting):
+    """Holds the place of the DLO that has come in.
+
+    Attributes
+    ----------
+    pose : Pose
+        As of every fitting, like mouth, push, room and retains.
+    grip : str
+        'aligned' (default): the DLO may turn about its tangent; 'clamped'; or 'pinned': about all.
+    """
+
+    grip: str = 'aligned'
+
+    word: ClassVar[str] = 'clip'
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
+                     room: float = 1e-3, retains: float | None = None,
+                     grip: str = 'aligned') -> None: ...
+
+    def __post_init__(self) -> None:
+        choice('Clip.grip', self.grip, ('aligned', 'clamped', 'pinned'))
+        super().__post_init__()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fork(Fitting):
+    """Lets the DLO slide through, against friction along it.
+
+    Attributes
+    ----------
+    pose : Pose
+        As of every fitting, like mouth, push, room and retains.
+    slip : float
+        Friction along the DLO, N, as of a Hold.
+    grip : str
+        'ring' (default): the DLO may take any direction; 'tube': only that of the seat.
+    """
+
+    slip: float = 0.0
+    grip: str = 'ring'
+
+    word: ClassVar[str] = 'fork'
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
+                     room: float = 1e-3, retains: float | None = None, slip: float = 0.0,
+                     grip: str = 'ring') -> None: ...
+
+    def __post_init__(self) -> None:
+        choice('Fork.grip', self.grip, ('ring', 'tube'))
+        put(self, slip=number('Fork.slip', self.slip, minimum=0, unit='N'))
+        super().__post_init__()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Peg(Fitting):
+    """A post that the DLO is led round: a ring where it bears, with the capstan's friction.
+
+    That is tension (e^(friction angle) - 1), at the `tension` that is stated.
+
+    Attributes
+    ----------
+    pose : Pose
+        As of every fitting, like mouth, push, room and retains: where the DLO bears on the post.
+    friction : float
+        Coulomb's coefficient.
+    angle : float
+        By which the DLO turns round it, rad.
+    tension : float
+        Largest tension on the slack side, N.
+    """
+
+    friction: float = 0.0
+    angle: float = 0.0
+    tension: float = 0.0
+
+    word: ClassVar[str] = 'peg'
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
+                     room: float = 1e-3, retains: float | None = None, friction: float = 0.0,
+                     angle: float = 0.0, tension: float = 0.0) -> None: ...
+
+    def __post_init__(self) -> None:
+        put(self, friction=number('Peg.friction', self.friction, minimum=0, maximum=10),
+            angle=number('Peg.angle', self.angle, minimum=0, maximum=20 * np.pi, unit='rad'),
+            tension=number('Peg.tension', self.tension, minimum=0, unit='N'))
+        super().__post_init__()
+
+    @property
+    def grip(self) -> str:
+        """As of a Hold: the DLO may take any direction."""
+        return 'ring'
+
+    @property
+    def slip(self) -> float:
+        """The friction along the DLO, N."""
+        return float(self.tension * np.expm1(self.friction * self.angle))
+
+
+def before(fitting: Fitting, height: float) -> Pose:
+    """Return the Pose of the DLO before the seat of a Fitting, m out of it."""
+    return Pose(fitting.pose.position + height * fitting.outwards, fitting.pose.quaternion)
+
+
+def hold_by(fitting: Fitting, s: float, axes: Floats, by: str) -> Hold:
+    """Return the Hold of a DLO that has just come into a Fitting at s, m, with axes (3, 3) there.
+
+    What holds a place takes the DLO as it is turned about its tangent.
+    """
+    grip: str = getattr(fitting, 'grip', 'ring')
+    if grip in RINGS:
+        return Hold(fitting.pose, grip, s, getattr(fitting, 'slip', 0.0), by=by)
+    turn = least_turn(np.array(axes[:, 0]), fitting.pose.rotation[:, 0])
+    return Hold(Pose.from_rotation(fitting.pose.position, turn @ axes), grip, s, by=by)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Route(Task):
+    """Lead the DLO through fittings, in their order: from the far end towards the gripper.
+
+    The far end is held (a plugged connector), or free: then the first fitting takes the DLO at
+    `tail` before it. Each fitting is approached at a `standoff` out of its mouth, entered along the
+    mouth, and pressed into until the DLO presses with its `push`. `Plan.events` tell which fitting
+    holds before which of the `Plan.stages`; `Plan.stage_plans` are what is timed, replayed and
+    executed one by one. `Plan.tensions` has the tension of each span, `Plan.wrenches` the load of
+    each fitting.
+
+    The fittings are points: that the DLO fits into them is looked at by `room` alone, and their
+    bodies are in the way only if they are obstacles of the simulator, as are the hands. Motions are
+    proved at rest; in time only where nothing slides.
+
+    Attributes
+    ----------
+    fittings : tuple of Fitting
+        Clips, Forks and Pegs, one or more; a Clip takes hold of whatever place has come to
+        lie in it. They are called 'clip 1', 'fork 2' and so on.
+    far_end : FarEnd or None
+        What holds the far end. If None, it is free, or held as `initial` says.
+    to : Pose or None
+        Where the gripper goes in the end. If None, it stays where the last fitting snaps.
+    standoff : float
+        m, out of the mouth.
+    slack : float
+        How much longer the DLO between a fitting and the gripper is than its way, as a part.
+    tail : float or None
+        Of a free far end, m; if None, a fifth of the length.
+    max_force : float or None
+        Largest force that the gripper or a fitting may exert, N. If None, any.
+    max_moment : float or None
+        The same for the moment, N m.
+    clearance : float
+        Least distance of the DLO from everything, m.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
+    """
+
+    takes_initial: ClassVar[bool] = True
+    takes_held: ClassVar[bool] = True
+    hangs_after: ClassVar[bool] = False
+
+    fittings: tuple[Fitting, ...]
+    far_end: FarEnd | None = None
+    to: Pose | None = None
+    standoff: float = 0.05
+    slack: float = 0.01
+    tail: float | None = None
+    max_force: float | None = None
+    max_moment: float | None = None
+    clearance: float = 0.0
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, fittings: Iterable[Fitting], far_end: FarEnd | None = None,
+                     to: Pose | None = None, standoff: float = 0.05, slack: float = 0.01,
+                     tail: float | None = None, max_force: float | None = None,
+                     max_moment: float | None = None, clearance: float = 0.0) -> None: ...
+
+    def __post_init__(self) -> None:
+        put(self, fittings=items('fittings', self.fittings, Fitting, least=1),
+            standoff=number('standoff', self.standoff, above=0, unit='m'),
+            slack=number('slack', self.slack, above=0, below=1),
+            max_force=limit('max_force', self.max_force),
+            max_moment=limit('max_moment', self.max_moment),
+            clearance=number('clearance', self.clearance, minimum=0))
+        instance('far_end', self.far_end, FarEnd, optional=True)
+        instance('to', self.to, Pose, optional=True)
+        if self.tail is not None:
+            put(self, tail=number('tail', self.tail, above=0, unit='m'))
+        super().__post_init__()
+
+    def solve(self, context: PlanContext) -> Plan:
+        """Return the Plan, in stages."""
+        instance('context', context, PlanContext)
+        return _Routing(self, context).plan()
+
+
+class _Aim(NamedTuple):
+    """What the DLO is to be like at a fitting."""
+
+    pose: Pose
+    aside: Floats    # (3,) unit vector across the DLO and the mouth
+    s: float | None  # the place that is to be there, m; None: whichever is nearest
+
+    @property
+    def places(self) -> Floats:
+        """(k, 3) directions in which its place counts."""
+        along = self.pose.rotation[:, 0]
+        out = np.cross(along, self.aside)
+        return np.array([self.aside, out] if self.s is None else [self.aside, out, along])
+
+
+class _Routing:
+    """Makes the stages of a Route one after the other."""
+
+    def __init__(self, task: Route, context: PlanContext) -> None:
+        self._task, self._context = task, context
+        self._length = context.rod.length
+        start = instance('context.start', context.start, Pose)
+        holds = holds_of(task.far_end, (), self._length)
+        if context.initial is not None:
+            if holds:
+                held_as_said(context.initial, holds)
+            holds = context.initial.holds
+        self._begin = Grips(start, holds)
+        self._simulator: DirectSimulator = context.simulator.without_obstacles()
+        self._demands = replace(context.demands, wrench_limits=(task.max_force, task.max_moment),
+                                clearance=task.clearance)
+        self._silent = self._demands.silent()
+        self._plans, self._names = list[Plan](), list[str]()
+
+    # ---- stage by stage ---------------------------------------------------------------------
+
+    def plan(self) -> Plan:
+        """Return the Plan, or raise Infeasible that says at which fitting there is none."""
+        try:
+            self._through_all()
+        except Infeasible as error:
+            raise self._with_evidence(error) from None
+        return in_stages(self._plans, self._names, self._demands.speeds)
+
+    def _through_all(self) -> None:
+        shape = self._simulator.track([self._begin.gripper], initial=self._context.initial,
+                                      holds=[self._begin.holds])[0]
+        if not shape.converged:
+            raise self._refused('start', 'equilibrium', 0.0, f'at the start the DLO is '
+                                f'{shape.status}')
+        for number_, fitting in enumerate(self._task.fittings, start=1):
+            name = f'{fitting.word} {number_}'
+            aim = self._aim_at(fitting, shape, name)
+            begin = self._gripper_for(fitting, shape, aim, name)
+            shape = self._way(shape, begin, f'approach {name}')
+            shape, s = self._entered(shape, fitting, aim, name)
+            shape = self._pressed(shape, fitting, s, name)
+        if self._task.to is not None:
+            self._way(shape, self._task.to, 'to')
+
+    def _aim_at(self, fitting: Fitting, shape: Shape, name: str) -> _Aim:
+        """Return the _Aim before a fitting, or raise Infeasible where it is out of reach."""
+        pose = before(fitting, self._task.standoff)
+        if not shape.holds:  # the far end hangs: nothing but the gripper says what is there
+            tail = 0.2 * self._length if self._task.tail is None else self._task.tail
+            if not tail < (1 - _LEAST) * self._length:
+                raise InvalidTask(f'tail = {tail:g}: expected less than '
+                                  f'{(1 - _LEAST) * self._length:g} m, so that the gripper can '
+                                  'lead')
+            return _Aim(pose, fitting.aside, self._length - tail)
+        way, at, last = self._way_from(shape, fitting)
+        if at < (1 + self._task.slack) * way + _LEAST * self._length:
+            raise self._refused(
+                name, 'reach', (1 + self._task.slack) * way + _LEAST * self._length - at,
+                f'{name} cannot be reached: the way to it is {way:.3g} m, the DLO between '
+                f'{last} and the gripper {at:.3g} m, and {_LEAST * self._length:.3g} m are left '
+                'to lead by')
+        return _Aim(pose, fitting.aside, None)
+
+    def _way_from(self, shape: Shape, fitting: Fitting) -> tuple[float, float, str]:
+        """Return the way from the last fitting to one, how much DLO there is, m, and its name."""
+        last = shape.holds[0]
+        way = float(np.linalg.norm(fitting.pose.position - last.pose.position))
+        at = self._length if last.s is None else last.s
+        return way, at, 'the far end' if last.s is None else last.by
+
+    # ---- where the gripper has to be ----------------------------------------------------------
+
+    def _gripper_for(self, fitting: Fitting, shape: Shape, aim: _Aim, name: str) -> Pose:
+        """Return the gripper's Pose at the standoff, found from a DLO that is nearly straight."""
+        at = aim.pose.position
+        along = aim.pose.rotation[:, 0]
+        if aim.s is None:
+            way, length, _ = self._way_from(shape, fitting)
+            lead = (1 - self._task.slack) * length - way
+        else:
+            lead = (1 - self._task.slack) * aim.s
+        turn = least_turn(np.array(shape.gripper.rotation[:, 0]), along)
+        guess = Pose.from_rotation(at - lead * along, turn @ shape.gripper.rotation)
+        there = self._led_to(shape, guess)
+        if there is None:
+            raise self._refused(name, 'equilibrium', lead, 'the DLO does not follow to '
+                                f'before {name}, {lead:.3g} m ahead of it')
+        found = self._aimed(there, aim)
+        if found is None:
+            raise self._refused(name, 'aim', self._miss(there, aim), f'no pose of the gripper is '
+                                f'found that leads the DLO past the mouth of {name}')
+        return found.gripper
+
+    def _led_to(self, shape: Shape, goal: Pose) -> Shape | None:
+        """Return the Shape at a goal of the gripper, whatever is in the way; None: a fall."""
+        for rise in _RISES:
+            there = shape
+            for pose in self._poses(shape, goal, rise):
+                self._context.progress.check()
+                there = self._simulator.track([pose], initial=there, holds=[there.holds])[0]
+                if not there.converged or there.jumped:
+                    break
+            else:
+                return there
+        return None
+
+    def _aimed(self, shape: Shape, aim: _Aim) -> Shape | None:
+        """Return the Shape that meets an _Aim, near another one; None if none is found."""
+        miss, size = self._rows(shape, aim)
+        by, (pulls, slack) = _LOOSER, self._pulls(shape, _LOOSER)
+        known: Shape | None = None  # that is in the middle, however the gripper pulls
+        for _ in range(_CORRECTIONS):
+            if size < _AIMED:
+                known = shape
+                if pulls:
+                    break
+            self._context.progress.check()
+            step = self._correction(shape, aim, miss, 1 - slack)
+            for _ in range(4):
+                pose = self._slack(shape, displaced(shape.gripper, step), 1 - slack)
+                there = self._simulator.track([pose], initial=shape, holds=[shape.holds])[0]
+                if there.converged and not there.jumped:
+                    missed, after = self._rows(there, aim)
+                    if after < size or not pulls and after < size + _PASSING:
+                        break
+                step = 0.5 * step
+            else:
+                break
+            looser = slack > 1 - self._straight(shape)
+            shape, miss, size = there, missed, after
+            pulls, slack = self._pulls(shape, by)
+            if (slack > 1 - self._straight(shape)) != looser:  # too much before, too little now
+                by = float(np.sqrt(by))
+        return known
+
+    def _straight(self, shape: Shape) -> float:
+        """Return how far the gripper is from what holds next to it, of the DLO between."""
+        if not shape.holds:
+            return 1.0
+        way = shape.gripper.position - shape.holds[0].pose.position
+        return float(np.linalg.norm(way)) / (self._at(shape) * self._length)
+
+    def _pulls(self, shape: Shape, by: float) -> tuple[bool, float]:
+        """Return whether the gripper pulls about as it should, and what would be slack if it did.
+
+        As a part of the DLO between the gripper and what holds next to it; changed by a factor.
+        """
+        if not shape.holds:
+            return True, 0.0
+        slack = 1 - self._straight(shape)
+        wanted = self._least_pull(self._at(shape) * self._length)
+        pull = self._pull(shape, shape.holds[0].pose.position)
+        if wanted / _ABOUT < pull < wanted * _ABOUT:
+            return True, slack
+        return False, max(slack / by if pull < wanted else slack * by, _TAUTEST)
+
+    def _slack(self, shape: Shape, pose: Pose, straight: float) -> Pose:
+        """Return the gripper's Pose, drawn in to be no farther than a part `straight` of the DLO.
+
+        From what holds next to it.
+        """
+        if not shape.holds:
+            return pose
+        pivot = shape.holds[0].pose.position
+        way = pose.position - pivot
+        most = straight * self._at(shape) * self._length / float(np.linalg.norm(way))
+        return pose if most >= 1.0 else Pose(pivot + most * way, pose.quaternion)
+
+    def _place(self, shape: Shape, aim: _Aim) -> float:
+        """Return the place of the DLO that is level with an _Aim along its tangent, m."""
+        if aim.s is not None:
+            return aim.s
+        last = shape.holds[0].s if shape.holds else None
+        most = self._length if last is None else last
+        inside = shape.s <= most
+        away = np.linalg.norm(shape.positions[inside] - aim.pose.position, axis=1)
+        s, along = float(shape.s[inside][away.argmin()]), aim.pose.rotation[:, 0]
+        for _ in range(20):
+            axes, place = shape.frame_at(s)
+            by = float((aim.pose.position - place) @ along) / max(float(axes[:, 0] @ along), 0.2)
+            s = min(max(s + by, 0.0), most)
+            if abs(by) < 1e-12 * self._length:
+                break
+        return s
+
+    def _rows(self, shape: Shape, aim: _Aim) -> tuple[Floats, float]:
+        """Return (k,) what a Shape misses of an _Aim, of the length and rad, and the largest."""
+        axes, place = shape.frame_at(self._place(shape, aim))
+        off = (place - aim.pose.position) / self._length
+        rows = aim.places @ off
+        ahead = axes[:, 0] @ aim.pose.rotation[:, 0] > 0
+        return rows, float(np.abs(rows).max()) if ahead else np.inf
+
+    def _miss(self, shape: Shape, aim: _Aim) -> float:
+        return float(np.linalg.norm(shape.frame_at(self._place(shape, aim))[1]
+                                    - aim.pose.position))
+
+    def _motions(self, shape: Shape) -> Floats:
+        """Return (6, 3) twists of the gripper that are tried, by their sizes.
+
+        It goes anywhere, its axis turning as the DLO does about what holds next to it.
+        """
+        swings = np.zeros((6, 3))
+        swings[3:] = self._length * np.eye(3)
+        if shape.holds:
+            way = shape.gripper.position - shape.holds[0].pose.position
+            swings[:3] = self._length * np.cross(way, np.eye(3)).T / (way @ way)
+        return swings
+
+    def _at(self, shape: Shape) -> float:
+        """Return where what holds next to the gripper does, of the length."""
+        return (shape.holds[0].s or self._length) / self._length
+
+    def _correction(self, shape: Shape, aim: _Aim, miss: Floats, straight: float) -> Floats:
+        """Return the least twist (6,) of the gripper by which a Shape would meet an _Aim.
+
+        `straight`: the gripper's distance from what holds next to it, of the DLO between.
+        """
+        s = self._place(shape, aim)
+        answer, (axes, _) = answer_at(shape, s), shape.frame_at(s)
+        tangent, moved = axes[:, 0], answer[3:]
+        if aim.s is None:  # another place is level then
+            along = aim.pose.rotation[:, 0]
+            moved = moved - np.outer(tangent, along @ moved) / float(along @ tangent)
+        rows = aim.places @ moved / self._length
+        if shape.holds:  # as slack as before, whatever slides: else it would draw, or sag
+            way = shape.gripper.position - shape.holds[0].pose.position
+            size = float(np.linalg.norm(way))
+            rows = np.vstack([rows, np.append(np.zeros(3), way / size) / self._length])
+            miss = np.append(miss, size / self._length - straight * self._at(shape))
+        ways = self._motions(shape)
+        step: Floats = -ways @ (np.linalg.pinv(rows @ ways, rcond=1e-6) @ miss)
+        most = max(float(np.linalg.norm(step[:3])) / _TURN,
+                   float(np.linalg.norm(step[3:])) / (_SHIFT * self._length), 1.0)
+        return step / most
+
+    # ---- stages -----------------------------------------------------------------------------
+
+    def _poses(self, shape: Shape, goal: Pose, rise: float) -> list[Pose]:
+        """Return Poses on the way to a goal, about what holds next to the gripper.
+
+        `rise`: of the length, by how much they rise in the middle.
+        """
+        begin, length = shape.gripper, self._length
+        gravity = np.asarray(self._simulator.surroundings.gravity)
+        size = float(np.linalg.norm(gravity))
+        up = -gravity / size if size else np.array([0.0, 0.0, 1.0])
+        pivot = shape.holds[0].pose.position if shape.holds else None
+        whole = Rotation.from_matrix(goal.rotation @ begin.rotation.T).as_rotvec()
+        spins = np.zeros(3)
+        if pivot is not None:
+            ways = [pose.position - pivot for pose in (begin, goal)]
+            sizes = [float(np.linalg.norm(way)) for way in ways]
+            spins = Rotation.from_matrix(least_turn(
+                ways[0] / sizes[0], ways[1] / sizes[1])).as_rotvec()
+        apart = float(np.linalg.norm(goal.position - begin.position)) + 2 * rise * length
+        count = max(1, int(np.ceil(max(apart / (_STEP * length),
+                                       angle_between(begin.rotation, goal.rotation) / SHARPEST,
+                                       float(np.linalg.norm(spins)) / SHARPEST))))
+        poses = []
+        for share in np.arange(1, count + 1) / count:
+            position = (1 - share) * begin.position + share * goal.position
+            risen = rise * length * np.sin(np.pi * share) * up
+            if pivot is not None:
+                size = (1 - share) * sizes[0] + share * sizes[1]
+                way = size * Rotation.from_rotvec(share * spins).apply(ways[0] / sizes[0]) + risen
+                position = pivot + way * (size / np.linalg.norm(way))
+            else:
+                position = position + risen
+            turned = Rotation.from_rotvec(share * whole).as_matrix() @ begin.rotation
+            poses.append(Pose.from_rotation(position, turned))
+        return [*poses[:-1], goal]
+
+    def _way(self, shape: Shape, goal: Pose, name: str) -> Shape:
+        """Add the stage in which the gripper goes to a Pose; return its end."""
+        refused: Infeasible | None = None
+        for rise in _RISES:
+            grips = [Grips(pose, shape.holds) for pose in (
+                shape.gripper, *self._poses(shape, goal, rise))]
+            try:
+                plan = led(self._context, grips, self._silent, (), shape)
+            except Infeasible as error:
+                if refused is None or (error.plan is not None and refused.plan is not None
+                                       and error.plan.fraction > refused.plan.fraction):
+                    refused = error
+                continue
+            return self._added(plan, name)
+        assert refused is not None  # one way is tried at least
+        raise self._again(refused, name)
+
+    def _entered(self, shape: Shape, fitting: Fitting, aim: _Aim,
+                 name: str) -> tuple[Shape, float]:
+        """Add the stage in which the DLO goes into a fitting; return its end, and what is there."""
+        heights = np.linspace(self._task.standoff, 0.0, _ENTRIES + 1)
+        found, poses = [shape], list[Pose]()
+        for height in heights.tolist():
+            there = self._aimed(found[-1], aim._replace(pose=before(fitting, height)))
+            if there is None:
+                raise self._refused(f'enter {name}', 'aim', self._miss(found[-1], aim._replace(
+                    pose=before(fitting, height))), f'{height:.3g} m before {name} no pose of the '
+                    'gripper leads the DLO straight in')
+            found.append(there)
+            poses.append(there.gripper)
+        # once more without the corrections, as it is carried out
+        builder = PlanBuilder(np.zeros(len(poses) + 1), replace(
+            self._silent, tolerance=fitting.room), f'enter {name}: waypoint')
+        builder.add(self._waypoint(shape, fitting, aim, heights[0]))
+        for pose, height in zip(poses, heights.tolist(), strict=True):
+            after = self._simulator.track([pose], initial=shape, holds=[shape.holds])[0]
+            if not after.converged or after.jumped:
+                raise builder.refusal('continuity', self._miss(after, aim), 'the DLO would not '
+                                      f'follow there: {after.status}')
+            builder.add(self._waypoint(after, fitting, aim, height))
+            shape = after
+        plan = builder.finished()
+        self._added(plan, f'enter {name}')
+        return shape, self._place(shape, aim._replace(pose=fitting.pose))
+
+    def _waypoint(self, shape: Shape, fitting: Fitting, aim: _Aim, height: float) -> Waypoint:
+        """Return the Waypoint of a Shape before the seat of a fitting, with what it misses."""
+        pose = before(fitting, height)
+        made = waypoint_at(shape, pose.position, self._place(shape, aim._replace(pose=pose)),
+                           pose.rotation[:, 0])
+        return made._replace(via_points=())
+
+    def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str) -> list[Shape]:
+        """Return Shapes that press into a fitting that holds the DLO at s, m, until it snaps.
+
+        The gripper pulls, swings inwards about the seat as long as nothing is in the way, then
+        pulls more and more.
+        """
+        out, seat = fitting.outwards, fitting.pose.position
+        way = begin.gripper.position - seat
+        size = float(np.linalg.norm(way))
+        ahead = way - (way @ out) * out
+        ahead /= np.linalg.norm(ahead)
+        first, found = float(np.arcsin(way @ out / size)), [begin]
+        angle, slack = first, max(1 - size / s, _TAUTEST)
+        pull = max(self._pull(begin, seat), self._least_pull(s) / _ABOUT)
+        firm = min(_FIRM, _LESS_FIRM * begin.stability)
+
+        def pressed(lower: float, wanted: float) -> tuple[Shape, float] | None:
+            """Return the Shape at an angle with a pull, N, and what is slack then; or None."""
+            turned = Rotation.from_rotvec((first - lower) * np.cross(out, ahead)).as_matrix()
+            loose, tight, wide = slack, 0.0, np.inf  # between the last two is what is wanted
+            for _ in range(_PULLS):
+                if loose < _TAUTEST:
+                    return None
+                pose = Pose.from_rotation(
+                    seat + (1 - loose) * s * (np.cos(lower) * ahead + np.sin(lower) * out),
+                    turned @ begin.gripper.rotation)
+                there = self._simulator.track([pose], initial=found[-1],
+                                              holds=[found[-1].holds])[0]
+                if not there.converged or there.jumped:
+                    loose *= _LOOSER
+                    continue
+                pulls = self._pull(there, seat)
+                tight, wide = (loose, wide) if pulls > wanted else (tight, loose)
+                if not fitting.push or abs(pulls - wanted) < _PULLED * wanted:
+                    good = (there.stability > firm and self._push(there, fitting, name) > -wanted
+                            * _LIFTS and self._silent.violation(Waypoint(there)) is None)
+                    return (there, loose) if good else None
+                loose = (loose * (_LOOSER if pulls > wanted else 1 / _LOOSER)
+                         if not tight or wide == np.inf else float(np.sqrt(tight * wide)))
+            return None
+
+        while len(found) < 2 or fitting.push and (
+                self._push(found[-1], fitting, name) < fitting.push):
+            self._context.progress.check()
+            for lower, wanted in ((angle - _SWING, pull), (angle, _STRONGER * pull)):
+                if lower > -_STEEPEST and (there := pressed(lower, wanted)) is not None:
+                    if (lower, there[1]) != (angle, slack):  # else it pulls enough already
+                        found.append(there[0])
+                    angle, pull, slack = lower, wanted, there[1]
+                    break
+            else:
+                break
+        return found
+
+    def _pull(self, shape: Shape, seat: Floats) -> float:
+        """Return the force with which the gripper pulls the DLO away from a seat (3,), N."""
+        way = shape.gripper.position - seat
+        return float(shape.gripper_wrench[:3] @ way / np.linalg.norm(way))
+
+    def _least_pull(self, length: float) -> float:
+        """Return a pull, N, that straightens a part of the DLO (m) about as much as it can bend."""
+        rod, surroundings = self._context.rod, self._simulator.surroundings
+        ends = np.linspace(0.0, length, 9)
+        weight = float(rod.masses_per_length(ends).mean()) * length * float(
+            np.linalg.norm(surroundings.gravity))
+        return weight + float(rod.stiffnesses(ends)[:, 1:].mean()) / length**2
+
+    def _pressed(self, shape: Shape, fitting: Fitting, s: float, name: str) -> Shape:
+        """Add the stage in which a fitting holds, and the DLO is pressed into it."""
+        s = self._settled(shape, fitting, s, name)
+        hold = hold_by(fitting, s, shape.frame_at(s)[0], name)
+        holds = holds_of(None, (hold, *shape.holds), self._length)
+        begin = self._simulator.track([shape.gripper], initial=shape, holds=[holds])[0]
+        if not begin.converged or begin.jumped:
+            raise self._refused(f'press {name}', 'continuity', 0.0, f'where {name} closes the DLO '
+                                f'would not stay: {begin.status}')
+        found = self._presses(begin, fitting, s, name)
+        pushed = self._push(found[-1], fitting, name)
+        if len(found) < 2 or fitting.push and pushed < fitting.push:
+            raise self._refused(
+                f'press {name}', 'push', fitting.push - pushed, f'{name} snaps at '
+                f'{fitting.push:.3g} N, the DLO presses into it with {pushed:.3g} N at most', 'N')
+        # and back, as slack as before, for what comes next
+        grips = [Grips(one.gripper, one.holds) for one in (*found, *found[-2::-1])]
+        try:
+            plan = led(self._context, grips, self._silent, (len(found) - 1,), begin)
+        except Infeasible as error:
+            raise self._again(error, f'press {name}') from None
+        return self._added(plan, f'press {name}')
+
+    def _settled(self, shape: Shape, fitting: Fitting, s: float, name: str) -> float:
+        """Return the place of the DLO that is in a fitting when that has closed, m, near s.
+
+        As it closes it turns the DLO, which needs length, and slides along it until it grips.
+        """
+        if not shape.holds:  # it is led by that place
+            return s
+        grip = 'ring' if getattr(fitting, 'grip', 'ring') in ('ring', 'pinned') else 'tube'
+        ring = Hold(fitting.pose, grip, s, by=name)
+        there = self._simulator.track([shape.gripper], initial=shape, holds=[
+            holds_of(None, (ring, *shape.holds), self._length)])[0]
+        found = next((hold.s for hold in there.holds if hold.by == name), None)
+        return s if found is None or not there.converged or there.jumped else found
+
+    def _push(self, shape: Shape, fitting: Fitting, name: str) -> float:
+        """Return the force with which a DLO presses into a fitting, N."""
+        for hold, wrench in zip(shape.holds, shape.wrenches, strict=True):
+            if hold.by == name:
+                return float(wrench[:3] @ fitting.outwards)
+        return 0.0
+
+    def _added(self, plan: Plan, name: str) -> Shape:
+        """Add a stage in which no fitting loses the DLO; return its end."""
+        limits = {f'{one.word} {k}': one for k, one in enumerate(self._task.fittings, start=1)}
+        for index, shape in enumerate(plan.shapes):
+            for hold in shape.holds:
+                held = limits.get(hold.by)
+                if held is None or held.retains is None:
+                    continue
+                pulled = -self._push(shape, held, hold.by)
+                if pulled > held.retains:
+                    raise Infeasible(
+                        f'{name}: waypoint {index}: the DLO is drawn out of {hold.by} with '
+                        f'{pulled:.3g} N, it retains {held.retains:.3g} N', index, 'retains',
+                        pulled - held.retains, truncate(plan, index, PlanStatus.PARTIAL), 'N')
+        self._plans.append(plan)
+        self._names.append(name)
+        return plan.shapes[-1]
+
+    # ---- refusals ---------------------------------------------------------------------------
+
+    def _refused(self, name: str, constraint: str, amount: float, why: str,
+                 unit: str | None = None) -> Infeasible:
+        """Return a refusal without a plan of its own."""
+        return Infeasible(f'{name}: {why}', 0, constraint, float(amount), None, unit)
+
+    def _again(self, error: Infeasible, name: str) -> Infeasible:
+        return Infeasible(f'{name}: ' + str(error).rpartition(' (')[0], error.waypoint,
+                          error.constraint, error.amount, error.plan, error.unit)
+
+    def _with_evidence(self, error: Infeasible) -> Infeasible:
+        """Return a refusal that carries all stages until then."""
+        if not self._plans:
+            return error
+        plans, names = list(self._plans), list(self._names)
+        if error.plan is not None and len(error.plan):
+            plans.append(error.plan)
+            names.append('refused')
+        whole = in_stages(plans, names, self._demands.speeds)
+        error.waypoint += sum(map(len, self._plans))
+        error.plan = replace(whole, status=PlanStatus.PARTIAL,
+                             fraction=len(self._plans) / (3 * len(self._task.fittings) + 1))
+        return error

@@ -1,0 +1,188 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A DLO that is led through clips, forks and pegs."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from dlo_planner import (
+    DirectSimulator,
+    FarEnd,
+    Infeasible,
+    InvalidTask,
+    InverseSimulator,
+    Limits,
+    Plan,
+    Plane,
+    Pose,
+    Rod,
+    Trajectory,
+)
+from dlo_planner.inverse.tasks.route import hold_by
+from dlo_planner.tasks import Clip, Fork, Peg, Route, task_from_yaml, task_to_yaml
+from dlo_planner.verify.replay import replay
+
+toward = Pose.looking_along
+CABLE = Rod(0.8, 0.025, 4e-3, 2e-3, radius=0.003)
+PLUG = FarEnd(toward((0, 0, 0.1), (-1, 0, 0)))
+START = toward((0.78, 0, 0.2), (-1, 0, 0))
+CLIP = Clip(toward((0.15, 0.0, 0.1), (-1, -0.1, 0)), push=0.1, room=0.8e-3)
+FORK = Fork(toward((0.3, 0.03, 0.1), (-1, -0.2, 0)), push=0.08, room=0.8e-3, slip=0.2)
+
+
+def simulator(n_elements=40):
+    return DirectSimulator(CABLE, n_elements=n_elements, basis='local',
+                           obstacles=[Plane((0, 0, 0), (0, 0, 1), name='board')])
+
+
+def planned(task, start=START):
+    return InverseSimulator(simulator()).plan(task, start=start)
+
+
+@cache
+def board():
+    """Return the Plan through a clip and a fork."""
+    return planned(Route([CLIP, FORK], far_end=PLUG))
+
+
+def test_it_leads_through_a_clip_and_a_fork():
+    plan = board()
+    assert [stage.name for stage in plan.stages] == [
+        f'{what} {name}' for name in ('clip 1', 'fork 2')
+        for what in ('approach', 'enter', 'press')]
+    assert [(event.kind, event.arm) for event in plan.events] == [('close', 'clip 1'),
+                                                                   ('close', 'fork 2')]
+    assert all(shape.converged and not shape.jumped for shape in plan.shapes)
+    assert plan.clearance.min() > 0 and plan.fraction == 1
+    last = {hold.by: hold for hold in plan.shapes[-1].holds}
+    assert last['clip 1'].grip == 'aligned' and last['fork 2'].grip == 'ring'
+    # about as far from the far end as the way is, by which it lies there
+    assert last['clip 1'].s == pytest.approx(0.8 - 0.15, abs=5e-3)
+    assert last['fork 2'].s == pytest.approx(last['clip 1'].s - np.hypot(0.15, 0.03), abs=5e-3)
+
+
+def test_the_dlo_enters_in_the_middle_of_the_mouth():
+    for fitting, stage in zip((CLIP, FORK), board().stages[1::3], strict=True):
+        assert stage.name.startswith('enter')
+        frame, seat = fitting.pose.rotation, fitting.pose.position
+        for shape in stage.shapes:
+            places = (shape.positions_at(np.linspace(0.2, 0.8, 2401)) - seat) @ frame
+            beside = places[np.abs(places[:, 0]).argmin()]
+            assert abs(beside[1]) < 0.05 * fitting.room
+        assert beside[2] == pytest.approx(0, abs=2e-5)  # at last it is in the seat
+        heights = np.array([place[2] for place in (
+            (shape.positions_at(np.linspace(0.2, 0.8, 2401)) - seat) @ frame
+            for shape in stage.shapes) for place in [place[np.abs(place[:, 0]).argmin()]]])
+        assert heights[0] == pytest.approx(0.05, abs=1e-4) and (np.diff(heights) < 1e-6).all()
+
+
+def test_fittings_are_pressed_into_until_they_snap():
+    for name, fitting, stage in zip(('clip 1', 'fork 2'), (CLIP, FORK), board().stages[2::3],
+                                    strict=True):
+        pushes = [wrench[:3] @ fitting.pose.rotation[:, 2] for shape in stage.shapes
+                  for hold, wrench in zip(shape.holds, shape.wrenches, strict=True)
+                  if hold.by == name]
+        assert max(pushes) >= fitting.push
+        assert min(pushes) > -0.1 * fitting.push  # it does not lift off again
+
+
+def test_spans_have_tensions():
+    plan = board()
+    tensions = plan.tensions
+    assert tensions.shape == (len(plan), 4)
+    assert np.isnan(tensions[0, 2:]).all() and np.isfinite(tensions[:, 0]).all()
+    shape, k = plan.shapes[-1], len(plan) - 1
+    at = [hold.s for hold in shape.holds if hold.s is not None]
+    inner = (shape.s > at[0] + 1e-9) & (shape.s < at[1] - 1e-9)
+    assert tensions[k, 1] >= shape.tension[inner].max() - 1e-9
+    assert tensions[k, 1] == pytest.approx(shape.tension[inner].max(), abs=0.02)
+
+
+def test_each_stage_is_replayed_on_finer_elements():
+    plan, finer = board(), simulator(80).without_obstacles()
+    for stage in plan.stage_plans[:3]:
+        report = replay(finer, stage, initial=stage.shapes[0])
+        assert report.converged and report.deviation < 1e-3
+
+
+def test_what_holds_no_ring_is_timed_calmly_and_the_rest_within_limits():
+    first, last = board().stage_plans[0], board().stage_plans[-1]
+    limits = Limits(0.2, 1.0, 1.0, 5.0)
+    assert Trajectory(last, limits, tolerance=np.inf).duration > 0
+    with pytest.raises(InvalidTask, match='none that the DLO slides through'):
+        Trajectory(last, limits, tolerance=0.01)
+    assert not any(hold.is_ring for shape in first.shapes for hold in shape.holds)
+
+
+@pytest.mark.parametrize(('change', 'constraint', 'said'), [
+    ({'fittings': [replace(CLIP, pose=toward((0.79, 0, 0.1), (-1, 0, 0)))]}, 'reach',
+     'clip 1 cannot be reached: the way to it is 0.79 m, the DLO between the far end and the '
+     'gripper 0.8 m'),
+    ({'fittings': [replace(CLIP, push=50.0)]}, 'push', 'clip 1 snaps at 50 N, the DLO presses'),
+    ({'fittings': [CLIP], 'max_force': 0.05}, 'max_force', 'a grip would exert'),
+    ({'fittings': [CLIP], 'clearance': 0.2}, 'clearance', 'nearer than clearance')])
+def test_refusals_name_what_is_missing(change, constraint, said):
+    with pytest.raises(Infeasible) as refused:
+        planned(replace(Route([CLIP], far_end=PLUG), **change))
+    assert refused.value.constraint == constraint
+    assert said in str(refused.value)
+
+
+def test_a_fitting_that_lets_go_is_named():
+    plan = board()
+    drawn = max(-(wrench[:3] @ CLIP.pose.rotation[:, 2]) for shape in plan.shapes
+                for hold, wrench in zip(shape.holds, shape.wrenches, strict=True)
+                if hold.by == 'clip 1')
+    assert drawn > 1e-3
+    with pytest.raises(Infeasible, match='is drawn out of clip 1 with') as refused:
+        planned(Route([replace(CLIP, retains=0.3 * drawn), FORK], far_end=PLUG))
+    assert refused.value.constraint == 'retains' and refused.value.plan.fraction < 1
+
+
+def test_a_free_far_end_leaves_a_tail():
+    high = replace(FORK, pose=toward((0.15, 0.0, 0.9), (-1, 0, 0)), push=0.0, slip=0.5)
+    plan = planned(Route([high], tail=0.2), start=toward((0.7, 0, 1.0), (-1, 0, 0)))
+    assert plan.shapes[-1].holds[0].s == pytest.approx(0.6, abs=1e-6)
+    assert plan.shapes[-1].far_end is None
+
+
+def test_a_peg_has_the_friction_of_a_capstan():
+    # Euler, Eytelwein: T2 / T1 = e^(mu angle)
+    peg = Peg(CLIP.pose, friction=0.3, angle=np.pi / 2, tension=2.0)
+    assert peg.slip == pytest.approx(2.0 * (np.exp(0.3 * np.pi / 2) - 1))
+    hold = hold_by(peg, 0.4, np.eye(3), 'peg 1')
+    assert (hold.grip, hold.s, hold.slip, hold.by) == ('ring', 0.4, peg.slip, 'peg 1')
+
+
+def test_a_clamp_takes_the_dlo_as_it_is_turned():
+    turned = Pose((0.15, 0, 0.1), (np.sin(0.3), 0, 0, np.cos(0.3))).rotation
+    clip = Clip(Pose((0.15, 0, 0.1), (0, 0, 0, 1)), grip='clamped')
+    hold = hold_by(clip, 0.4, turned, 'clip 1')
+    np.testing.assert_allclose(hold.pose.rotation, turned, atol=1e-12)
+
+
+def test_it_is_read_from_yaml_and_stored(tmp_path):
+    task = Route([CLIP, FORK, Peg(CLIP.pose, friction=0.1)], far_end=PLUG, slack=0.02)
+    again = task_from_yaml(task_to_yaml(task))
+    assert again == task
+    board().save(tmp_path / 'plan.npz')
+    plan = Plan.load(tmp_path / 'plan.npz')
+    assert plan.starts == board().starts and plan.shapes[-1].holds == board().shapes[-1].holds
+
+
+@pytest.mark.parametrize(('make', 'said'), [
+    (lambda: Clip(CLIP.pose, mouth=(1, 0, 0)), 'Clip.mouth'),
+    (lambda: Clip(CLIP.pose, grip='ring'), 'Clip.grip'),
+    (lambda: Fork(CLIP.pose, slip=-1.0), 'Fork.slip'),
+    (lambda: Fork(CLIP.pose, room=0.0), 'Fork.room'),
+    (lambda: Peg(CLIP.pose, friction=-0.1), 'Peg.friction'),
+    (lambda: Route([]), 'fittings'),
+    (lambda: Route([CLIP.pose]), 'fittings'),
+    (lambda: Route([CLIP], slack=1.0), 'slack'),
+    (lambda: planned(Route([CLIP], tail=0.79)), 'tail = 0.79')])
+def test_what_makes_no_sense_is_named(make, said):
+    with pytest.raises(InvalidTask, match=said):
+        make()
