@@ -29,10 +29,10 @@ from dlo_planner.direct.discretization import (
 )
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import (
+    LYING,
     StepInputs,
     corrected_by,
     equilibrium,
-    lies,
     past_of,
     step,
 )
@@ -160,7 +160,7 @@ def fine_enough(shape: Shape, accuracy: float) -> bool:
     """Return whether the mesh of a Shape is fine enough for an accuracy, m."""
     if surely_within(shape, accuracy):
         return True
-    if _is_bounded(shape, accuracy, shape.state.made_on) and _rubs(shape):
+    if shape.contacts and _tells(shape, accuracy):
         return False
     return not _mode_is_missed(shape, accuracy) and (
         _clearly_within(shape, accuracy) or shape.error_estimate <= _ENOUGH * accuracy)
@@ -278,8 +278,7 @@ def refined(mesh: Discretization, fine: str, shape: Shape,
     if mesh.basis != fine:
         s = graded_mesh(s, bent, elements, around.breaks)
         return Discretization(around, s, fine, _FIRST_TERMS)
-    from_mesh = (_bound(shape, mesh) if _is_bounded(shape, accuracy, mesh) and _rubs(shape)
-                 else shape.error_estimate)
+    from_mesh = _bound(shape, mesh) if _tells(shape, accuracy) else shape.error_estimate
     if elements >= _MANY and not np.isfinite(from_mesh):
         return None
     if fine != 'local':
@@ -299,18 +298,13 @@ def refined(mesh: Discretization, fine: str, shape: Shape,
 def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = None) -> bool:
     """Return whether a Shape is certain to be within `accuracy` (m), without a further solution."""
     here = shape.state.made_on if mesh is None else mesh
-    if not _is_bounded(shape, accuracy, here) or (
-            shape.stability < _STABLE and (not shape.holds or here.basis != 'local')
+    if (shape.dissipated or not here.bounded_by_truncation
+            or shape.contacts and accuracy < _BEARS * shape.s[-1]
+            or shape.holds and places_of(shape.holds)
+            or shape.stability < _STABLE and (not shape.holds or here.basis != 'local')
             and not _rubs(shape)):
         return False
     return _bound(shape, here) <= accuracy
-
-
-def _is_bounded(shape: Shape, accuracy: float, mesh: Discretization) -> bool:
-    """Whether `_bound` tells of a Shape on a mesh if it is within an accuracy, m."""
-    return bool(not shape.dissipated and mesh.bounded_by_truncation
-                and not (shape.contacts and accuracy < _BEARS * shape.s[-1])
-                and not (shape.holds and places_of(shape.holds)))
 
 
 def _bound(shape: Shape, mesh: Discretization) -> float:
@@ -330,7 +324,14 @@ def _rubs(shape: Shape) -> bool:
     half of `truncation_error`. Else halved elements led to another shape: where friction lets go,
     a step leads to one or another, on any mesh.
     """
-    return lies(shape) and all(one.friction.any() for one in shape.contacts)
+    return (len(shape.contacts) >= LYING and not shape.holds and not shape.dissipated
+            and all(one.friction.any() for one in shape.contacts))
+
+
+def _tells(shape: Shape, accuracy: float) -> bool:
+    """Whether `_bound` alone decides on which mesh a DLO that rubs is within an accuracy, m."""
+    return (_rubs(shape) and shape.state.made_on.bounded_by_truncation
+            and accuracy >= _BEARS * shape.s[-1])
 
 
 def hanging_surely_within(bounded: bool | Bools, stability: np.ndarray, truncated: np.ndarray,

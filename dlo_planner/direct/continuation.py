@@ -18,16 +18,15 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from dlo_planner.direct.discretization import SAMPLES
+from dlo_planner.direct.discretization import SAMPLES, stretched
 from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.sliding import stretched
 from dlo_planner.direct.statics import (
+    LYING,
     Grips,
     equilibrium,
     frame_inside,
     grips_at,
-    lies,
     work_of_grips,
 )
 from dlo_planner.energy.ccd import sweeps_through
@@ -83,10 +82,11 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
               halvings: int | None, tried: Shape | None = None) -> Shape:
     """Return what `follow` does."""
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
-    goal = goal._replace(holds=carried_on(goal.holds, previous.holds))
+    if goal.holds:
+        goal = goal._replace(holds=carried_on(goal.holds, previous.holds))
     way = _way(previous, goal)
-    lying = (not last and way.size > 2.0 * _SHORTEST_LYING and not goal.holds
-             and lies(previous) and not _is_long(way, True, at_once))
+    lying = (len(previous.contacts) >= LYING and not goal.holds and not last
+             and way.size > 2.0 * _SHORTEST_LYING and not _is_long(way, True, at_once))
     if lying:
         even, half, end = _evenly(solve, previous, goal)
         if even and not _comes_off(previous, end):
@@ -125,7 +125,8 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
         failed = not shape.converged and most in (np.inf, _ANY_TURN)
     whole = halvings is None
     if halvings is None:
-        shortest = _SHORTEST if goal.holds or not lies(previous) else _SHORTEST_LYING
+        shortest = (_SHORTEST_LYING if len(previous.contacts) >= LYING and not goal.holds
+                    else _SHORTEST)
         parts = max(way.size / shortest, 1.0)
         halvings = min(max(ceil(log2(parts)), _LEAST), _MOST)
     left = (min(halvings, _FAILURES) if failed else halvings) - 1
@@ -217,7 +218,8 @@ def _to_its_end(solve: Equilibrium, previous: Shape, goal: Grips, shape: Shape |
 
     `most`: with which it was found, see `StepInputs`; it may not have been looked for yet (None).
     """
-    if shape is not None and (most == np.inf or shape.converged and not shape.state.kicks):
+    if shape is not None and (most == np.inf or (
+            not shape.state.kicks if shape.converged else most == _ANY_TURN)):
         return shape
     return solve(goal.gripper, previous, goal.holds, np.inf)
 

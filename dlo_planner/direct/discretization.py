@@ -34,7 +34,7 @@ from dlo_planner.geometry.basis import equidistribute, orthonormal_basis, very_t
 from dlo_planner.minimize.solve import placed
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import row, shown
-from dlo_planner.model.holds import Holds, held_rows, place_of
+from dlo_planner.model.holds import Holds, held_rows, place_of, places_of
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.supports import Surroundings
@@ -265,6 +265,28 @@ def set_on(wanted: Floats, s: Floats, plastic: Floats) -> Floats:
     at_nodes = scipy.interpolate.PchipInterpolator(s, total, axis=0)(wanted)
     result: Floats = np.diff(at_nodes, axis=0) / np.diff(wanted)[:, None]
     return result
+
+
+def stretched(mesh: Discretization, before: Holds, holds: Holds,
+              first: Discretization) -> Discretization:
+    """Return a Discretization whose nodes in rings are where `holds` say, not as `before`.
+
+    All between nodes that stay is stretched evenly. Where a ring would pass a place at which
+    something jumps it is that of `first` with nodes in the rings.
+    """
+    old, new, around = places_of(before), places_of(holds), mesh.surroundings
+    if old == new and mesh.basis == 'local':
+        return mesh
+    breaks = np.setdiff1d(around.breaks, new)
+    length = float(mesh.s[-1])
+    known = np.sort(np.concatenate([[0.0], old, breaks, [length]]))
+    wanted = np.concatenate([[0.0], new, breaks, [length]])
+    order = np.argsort(np.concatenate([[0.0], old, breaks, [length]]), kind='stable')
+    wanted = wanted[order] if len(old) == len(new) else wanted
+    if (len(old) != len(new) or mesh.basis != 'local' or (np.diff(wanted) <= 0).any()
+            or not np.isin(known, mesh.s).all()):
+        return first.with_nodes(new)
+    return Discretization(around, np.interp(mesh.s, known, wanted), 'local', 0)
 
 
 def mapped(s: Floats, values: Floats, wanted: Floats) -> Floats:

@@ -27,7 +27,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.accuracy import accurate_equilibrium, fine_enough, refined
-from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.discretization import Discretization, stretched
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Feed, Shape
 from dlo_planner.direct.statics import Grips, StepInputs, grips_at, halved, step
@@ -555,28 +555,6 @@ def _symmetric(matrix: Floats) -> Floats:
 
 # ------------------------------------------------------------------------------------------------
 # The slope of the energy, and meshes that go with the places.
-
-
-def stretched(mesh: Discretization, before: Holds, holds: Holds,
-              first: Discretization) -> Discretization:
-    """Return a Discretization whose nodes in rings are where `holds` say, not as `before`.
-
-    All between nodes that stay is stretched evenly. Where a ring would pass a place at which
-    something jumps it is that of `first` with nodes in the rings.
-    """
-    old, new, around = places_of(before), places_of(holds), mesh.surroundings
-    if old == new and mesh.basis == 'local':
-        return mesh
-    breaks = np.setdiff1d(around.breaks, new)
-    length = float(mesh.s[-1])
-    known = np.sort(np.concatenate([[0.0], old, breaks, [length]]))
-    wanted = np.concatenate([[0.0], new, breaks, [length]])
-    order = np.argsort(np.concatenate([[0.0], old, breaks, [length]]), kind='stable')
-    wanted = wanted[order] if len(old) == len(new) else wanted
-    if (len(old) != len(new) or mesh.basis != 'local' or (np.diff(wanted) <= 0).any()
-            or not np.isin(known, mesh.s).all()):
-        return first.with_nodes(new)
-    return Discretization(around, np.interp(mesh.s, known, wanted), 'local', 0)
 
 
 def material_slope(shape: Shape) -> Floats:

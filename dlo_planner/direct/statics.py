@@ -122,12 +122,7 @@ class StepInputs(NamedTuple):
 
 
 ALONE = StepInputs()
-_LYING = 4  # contacts
-
-
-def lies(shape: Shape) -> bool:
-    """Return whether a DLO lies on something with several points, and nothing else holds it."""
-    return len(shape.contacts) >= _LYING and not shape.holds
+LYING = 4  # contacts at least, of a DLO that lies on something
 
 
 def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepInputs = ALONE,
@@ -225,7 +220,7 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: S
         shape = held_nearby(mesh, gripper, strains, past, holds, culled, watch)
     if shape is None:
         search = search_of(mesh, gripper, holds)
-        if how.most < np.inf and initial is not None and lies(initial):
+        if how.most < np.inf and initial is not None and len(initial.contacts) >= LYING:
             search = search._replace(steps=_IN_PARTS)
         shape = equilibrium(mesh, gripper, strains, past, holds, method=how.method,
                             culled=culled, watch=watch, how=search)

@@ -542,7 +542,7 @@ def examples():
 def test_every_help_has_examples_that_are_right():
     for name in ('my_cable.yaml', 'table.yaml', 'plan.npz', 'seen.csv', 'looks.yaml',
                  'insert.yaml', 'cell.scene', 'cell.xml', 'fixture.stl', 'gripper.urdf',
-                 'panel.stl'):
+                 'panel.stl', 'photo.csv'):
         Path(name).touch()
     shown = list(examples())
     assert {name for name, _ in shown} == {None, *COMMANDS}
