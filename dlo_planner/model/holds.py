@@ -260,14 +260,17 @@ def alike(some: Holds, others: Holds) -> bool:
         return False
     for one, other in zip(some, others, strict=True):
         if one.grip != other.grip or one.slip != other.slip or (
-                one.s != other.s and not one.is_ring):
+                one.s != other.s and one.grip not in RINGS):
             return False
     return True
 
 
 def have_rings(holds: Holds) -> bool:
     """Whether the DLO slides through any of them."""
-    return any(hold.is_ring for hold in holds)
+    for hold in holds:  # a loop: a generator would take as long as the rest of a step's checks
+        if hold.grip in RINGS:
+            return True
+    return False
 
 
 def counterpart(hold: Hold, holds: Holds, among: Holds) -> Hold | None:
@@ -276,8 +279,11 @@ def counterpart(hold: Hold, holds: Holds, among: Holds) -> Hold | None:
     A place is the same; a ring is the one of the same name and pose, else as many rings of that
     name are before it.
     """
-    if not hold.is_ring:
-        return next((other for other in among if other.s == hold.s and not other.is_ring), None)
+    if hold.grip not in RINGS:
+        for other in among:
+            if other.s == hold.s and other.grip not in RINGS:
+                return other
+        return None
     rings, before = ([other for other in each if other.is_ring and other.by == hold.by]
                      for each in (holds, among))
     for other in before:
