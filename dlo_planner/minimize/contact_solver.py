@@ -21,7 +21,7 @@ import numpy as np
 
 from dlo_planner.energy.contact import obstructed, trial_traction
 from dlo_planner.energy.gap import closest_point
-from dlo_planner.energy.grip import holds, reaction_of, set_reaction
+from dlo_planner.energy.grip import constraint_violation, holds, reaction_of, set_reaction
 from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.problem import Configuration, Problem, hinged, new_configuration
 from dlo_planner.energy.terms import row_count
@@ -270,17 +270,17 @@ def _bears_inside(contacts):
 def _polished(system, q, tolerance, exact, allowed):
     """Return whether a DLO that is nearly at rest near q (m, 3) rests among contacts, and where.
 
-    The limits of friction are those of the forces there; constraints are violated by `allowed`, m,
-    at most. Also returned are residual, violation, m, and Newton steps.
+    The limits of friction are those of the forces there; contacts are violated by `allowed`, m, at
+    most, and what is held is missed by `exact`. Also returned are residual, violation, m, and Newton steps.
     """
-    steps, never = 0, exact < 0.0
+    steps, never, hold = 0, exact < 0.0, system.effects.hold
     tolerance = max(tolerance, 0.5 * TOUCHING)
     state, residual, table, violation = kkt_residual(system, q)
     contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
     for _ in range(_CYCLES):
         if not (residual < _CLOSE and violation < allowed):
             break
-        if residual > tolerance:
+        if residual > tolerance or constraint_violation(hold, state) > exact:
             state, _, _, moves, _, _, _ = newton_descent(
                 system, state.q, thorough(tolerance, exact, _POLISH, never, never),
                 new_workspace(system))
@@ -294,7 +294,8 @@ def _polished(system, q, tolerance, exact, allowed):
                 change = max(change, abs(limit - contacts.multiplier[c]) / max(limit, 1e-300))
                 contacts.multiplier[c] = limit
         state, residual, table, violation = kkt_residual(system, state.q)
-        if residual < tolerance and violation < allowed and change < _SAME_LIMIT:
+        if (residual < tolerance and violation < allowed and change < _SAME_LIMIT
+                and constraint_violation(hold, state) <= exact):
             changes, _ = _exchanged(system, state, allowed, change >= 0.0)
             return not changes, state, residual, violation, steps
     return False, state, residual, violation, steps

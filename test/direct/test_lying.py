@@ -1,0 +1,90 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A cable on a table: in one grip and in two, on the mesh of the default accuracy."""
+
+import numpy as np
+import pytest
+
+from benchmarks.scenes import CABLE, GRAVITY, HELD, SCENES, beyond_cones, deepest, unbalanced
+from dlo_planner import DirectSimulator, FarEnd, Plane, Pose
+from dlo_planner.direct.continuation import follow
+from dlo_planner.direct.discretization import even_mesh
+
+
+def simulator(**how):
+    """Return a USB cable above a table."""
+    return DirectSimulator(CABLE, obstacles=[Plane((0, 0, 0), (0, 0, 1), friction=0.5)],
+                           gravity=GRAVITY, **how)
+
+
+def laid(direct, count):
+    """Return the last Shape of the cable as it is laid on the table, by `count` poses."""
+    _, _, poses = SCENES['laid']()
+    shape = None
+    for pose in poses[:count]:
+        shape = direct.solve(pose, shape)
+        assert shape.converged
+    return shape
+
+
+@pytest.mark.parametrize('name', ['drawn-aside', 'both-down'])
+def test_a_cable_in_two_grips_is_moved_on_a_table(name):
+    (rod, bodies, poses), ends = HELD[name]()
+    direct = DirectSimulator(rod, obstacles=bodies, gravity=GRAVITY, basis='local', n_elements=64)
+    shape, most = None, 0
+    for pose, end in list(zip(poses, ends, strict=True))[:16]:
+        shape = direct.solve(pose, shape, far_end=FarEnd(end))
+        assert shape.converged
+        assert deepest(shape, rod, bodies) < 5e-6
+        assert unbalanced(shape, rod) < 5e-5  # (points inside elements give by 3e-8 m)
+        assert beyond_cones(shape, bodies) < 1e-9
+        most = max(most, len(shape.contacts))
+    assert most >= 8
+
+
+def test_a_laid_cable_keeps_a_mesh_that_tells():
+    # halved elements lead to another shape where it falls: no finer mesh tells more
+    shape = laid(simulator(), 16)
+    assert len(shape.contacts) > 10
+    assert 64 <= len(shape.element_strains) < 200
+
+
+def test_its_error_is_below_the_bound_that_decides():
+    direct = simulator()
+    _, _, poses = SCENES['laid']()
+    shape, seen = None, 0
+    for pose in poses[:11]:
+        shape = direct.solve(pose, shape)
+        assert shape.converged
+        if len(shape.contacts) >= 4:
+            seen += 1
+            assert shape.error_estimate < direct.accuracy
+    assert seen > 3
+
+
+def test_what_lies_is_followed_by_two_halves():
+    direct = simulator(basis='local', n_elements=64)
+    shape, asked = laid(direct, 10), []
+
+    def solve(gripper, initial, holds, most=np.inf):
+        asked.append(gripper.position[2])
+        return direct._step(gripper, initial, holds, most)
+
+    goal = Pose(shape.gripper.position - (0, 0, 0.02), shape.gripper.quaternion)
+    end = follow(solve, shape, goal)
+    assert end.converged and not end.jumped
+    middle = 0.5 * (shape.gripper.position[2] + goal.position[2])
+    assert asked == pytest.approx([middle, goal.position[2]])
+
+
+def test_forces_go_along_to_another_mesh():
+    shape = laid(simulator(basis='local', n_elements=64), 12)
+    past = shape.state.history
+    for count in (57, 64, 150):
+        s = even_mesh(1.0, count, ())
+        there = past.resampled(s)
+        for one, other in ((past.node_force.sum(), there.node_force.sum()),
+                           ((past.node_force * past.s).sum(), (there.node_force * s).sum())):
+            assert other == pytest.approx(one, rel=1e-9)
+        assert (there.node_force[:, 0] == 0).all()
+    assert (past.resampled(past.s).node_force == past.node_force).all()
