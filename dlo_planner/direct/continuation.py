@@ -5,8 +5,9 @@
 A step is taken as it is where nothing speaks against it: no more motion than the grips can cause,
 no energy lost that neither work nor friction accounts for, no unstable shape on the way (`sound`).
 Where a contact comes, goes, turns over an edge, or begins to slide, two half steps have to lead to
-the same shape as well; where one goes, the step is short. Any other step is made in halves. What is
-still in doubt in the shortest parts is a fall: it is made, and said. What hangs freely remembers
+the same shape as well; where one goes, the step is short. Any other step is made in halves, and so
+is any of a DLO that lies on something: two halves that change it about as much are its step. What
+is still in doubt in the shortest parts is a fall: it is made, and said. What hangs freely remembers
 nothing of its way: after a fall all that is left of that is tried at once.
 """
 

@@ -174,8 +174,8 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             return state, residual, stability, steps, kicks, system, violation
         set_reaction(hold, first)
         kicks = 0  # what falls through obstacles falls nowhere
-    # (a DLO that is set down has no way along which it could have rubbed; what moves or is held has
-    # more to obey; between few points a series waves, and relaxation is as quick)
+    # (a DLO that is set down has no way along which it could have rubbed; what moves has more to
+    # obey; between few points a series waves, and relaxation is as quick)
     may_flow = not (on_a_way or past.shape[0] == 0 or has_inertia(system.effects.anchor))
     while max_iterations > 0:
         many = _bearing(there.effects.contact.contacts) >= _MANY
