@@ -271,7 +271,8 @@ def _polished(system, q, tolerance, exact, allowed):
     """Return whether a DLO that is nearly at rest near q (m, 3) rests among contacts, and where.
 
     The limits of friction are those of the forces there; contacts are violated by `allowed`, m, at
-    most, and what is held is missed by `exact`. Also returned are residual, violation, m, and Newton steps.
+    most, and what is held is missed by `exact`. Also returned are residual, violation, m, and
+    Newton steps.
     """
     steps, never, hold = 0, exact < 0.0, system.effects.hold
     tolerance = max(tolerance, 0.5 * TOUCHING)
