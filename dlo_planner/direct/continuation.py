@@ -35,7 +35,7 @@ from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
 from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.holds import Holds, alike, carried_on, counterpart
+from dlo_planner.model.holds import Holds, alike, carried_on, counterpart, have_rings
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import changed, freeze
@@ -83,7 +83,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
               halvings: int | None, tried: Shape | None = None) -> Shape:
     """Return what `follow` does."""
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
-    if goal.holds:
+    if goal.holds and have_rings(goal.holds):
         goal = goal._replace(holds=carried_on(goal.holds, previous.holds))
     way = _way(previous, goal)
     lying = (len(previous.contacts) >= LYING and not goal.holds and not last
