@@ -114,6 +114,23 @@ def test_where_a_contact_changes_half_steps_have_to_agree():
     assert shape_change(shape, bent(shape.gripper, 0.0)) < 1e-9
 
 
+@pytest.mark.parametrize('leaps', [False, True])
+def test_of_what_lies_a_half_that_changes_all_is_a_leap(leaps):
+    def lying(gripper, angle):
+        return replace(touching(gripper, angle, 0), contacts=4 * touching(gripper, 0.0, 0).contacts)
+
+    asked = []
+
+    def equilibrium(gripper, initial, holds, most=np.inf):
+        x = gripper.position[0]
+        asked.append(x)
+        return lying(gripper, 0.3 * (x > 0.0137) if leaps else 15.0 * x)
+
+    shape = follow(equilibrium, lying(pose(0.0), 0.0), Pose((0.02, 0, 0), (0, 0, 0, 1)))
+    assert shape.converged and shape.jumped == leaps
+    assert leaps or asked == pytest.approx([0.01, 0.02])
+
+
 def test_a_step_whose_parts_have_no_end_keeps_its_own_and_says_so():
     def equilibrium(gripper, initial, holds, most=np.inf):
         away = gripper.position[0] - initial.gripper.position[0]
