@@ -9,7 +9,7 @@ so nothing falls: it bears nothing then. In between both draw the DLO through, s
 and shift together so that the DLO keeps to the center of the hole.
 
 Each stage is judged as every plan is, at its waypoints and between, with all of the DLO: from what
-feeds it to its free end.
+feeds it to its free end, or from one free end to the other.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
+from dlo_planner.direct.grasp import GraspedInside, grasped_at
 from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
@@ -29,7 +30,7 @@ from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import limit
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, number
+from dlo_planner.model.checks import flag, instance, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.holds import Hold, Holds, unreached
 from dlo_planner.model.pose import Pose, angle_between, turned_by
@@ -37,7 +38,13 @@ from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.margin import least_margin, rating, upright_room, usual_uncertainty
+from dlo_planner.plan.margin import (
+    GripErrors,
+    least_margin,
+    rating,
+    upright_room,
+    usual_uncertainty,
+)
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import Plan, PlanStatus, in_stages, truncate
 from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_at
@@ -80,10 +87,12 @@ class ThreadInGrasps(Task):
 
     What is modelled: all of the DLO, under its own weight, from what feeds it. That holds its
     beginning, clamped, at `feed`, and stands still: a spool, a plugged connector. Between it and
-    the hands the DLO hangs freely, and is in the way like the rest. A DLO whose beginning is free
-    is none of this. The hands are arms of the plan, 'first' and 'second' (`Plan.arms`); its gripper
-    is the feed. The hands themselves are not looked at, nor the way of an open hand, which
-    `Plan.arms` has straight; the workspace holds for both, as for any gripper.
+    the hands the DLO hangs freely, and is in the way like the rest. With `begins_free` nothing
+    feeds it: it hangs from the hands alone, its beginning free, off the floor. The hands are arms
+    of the plan, 'first' and 'second' (`Plan.arms`). Its gripper is the feed; where nothing feeds
+    the DLO it is the hand that is nearer to the beginning, another one from stage to stage. The
+    hands themselves are not looked at, nor the way of an open hand, which `Plan.arms` has straight;
+    the workspace holds for both, as for any gripper.
 
     `Plan.events` tell which hand opens or closes before which of the `Plan.stages`;
     `Plan.stage_plans` are what is timed, replayed and executed one by one.
@@ -95,7 +104,8 @@ class ThreadInGrasps(Task):
     length : float
         How much of the DLO has passed in the end, m.
     feed : Pose or None
-        Where the DLO's beginning is held, x axis = tangent. If None, at `start`.
+        Where the DLO's beginning is held, x axis = tangent. If None, at `start`, unless it begins
+        free.
     hold_at : float or None
         Where the first hand holds the DLO at first, m from its beginning. If None, as far from the
         free end as leaves room in the hole.
@@ -109,6 +119,8 @@ class ThreadInGrasps(Task):
         The same for the moment, N m.
     clearance : float
         Least distance of the DLO from the sheet and all obstacles, m.
+    begins_free : bool
+        Whether the DLO's beginning hangs freely, and nothing feeds it.
 
     Raises
     ------
@@ -125,12 +137,14 @@ class ThreadInGrasps(Task):
     max_force: float | None = None
     max_moment: float | None = None
     clearance: float = 0.0
+    begins_free: bool = False
 
     if TYPE_CHECKING:  # an integer is a number, too
         def __init__(self, cutout: CutOut, length: float, feed: Pose | None = None,
                      hold_at: float | None = None, stroke: float | None = None,
                      grip_distance: float = 0.05, max_force: float | None = None,
-                     max_moment: float | None = None, clearance: float = 0.0) -> None: ...
+                     max_moment: float | None = None, clearance: float = 0.0,
+                     begins_free: bool = False) -> None: ...
 
     def __post_init__(self) -> None:
         instance('cutout', self.cutout, CutOut)
@@ -138,6 +152,9 @@ class ThreadInGrasps(Task):
             raise InvalidTask(f'cutout = {self.cutout!r}: expected one with a radius, or a width '
                               'and height: hands go by the room in it')
         instance('feed', self.feed, Pose, optional=True)
+        if flag('begins_free', self.begins_free) and self.feed is not None:
+            raise InvalidTask(f'feed = {self.feed!r}: expected None with begins_free = True, where '
+                              'nothing feeds the DLO')
         put(self, length=number('length', self.length, above=0, unit='m'),
             grip_distance=number('grip_distance', self.grip_distance, above=0, unit='m'),
             max_force=limit('max_force', self.max_force),
@@ -151,7 +168,8 @@ class ThreadInGrasps(Task):
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan, in stages."""
         instance('context', context, PlanContext)
-        feed = self.feed or instance('context.start', context.start, Pose)
+        feed = None if self.begins_free else (
+            self.feed or instance('context.start', context.start, Pose))
         return _HandOverHand(self, context, feed).plan()
 
 
@@ -191,7 +209,7 @@ class _Pull(NamedTuple):
 class _HandOverHand:
     """Makes the stages of a ThreadInGrasps one after the other."""
 
-    def __init__(self, task: ThreadInGrasps, context: PlanContext, feed: Pose) -> None:
+    def __init__(self, task: ThreadInGrasps, context: PlanContext, feed: Pose | None) -> None:
         rod = context.rod
         self._task, self._context, self._feed = task, context, feed
         self._length, self._gap = rod.length, task.grip_distance
@@ -214,6 +232,8 @@ class _HandOverHand:
             across = np.array(task.cutout.pose.rotation[:, 1])
         self._across: Floats = across / np.linalg.norm(across)  # about which hands pitch
         self._plans, self._names = list[Plan](), list[str]()
+        self._inside = dict[float, GraspedInside]()  # by where the hand holds the DLO, m
+        self._errors = GripErrors(self._uncertainty)  # of the grips, until the last stage ends
 
     def plan(self) -> Plan:
         """Return the Plan, or raise Infeasible that says which stage there is none of."""
@@ -291,13 +311,15 @@ class _HandOverHand:
     def _threaded(self, front: Plan, first: float) -> Shape:
         """Add the stage in which the first hand alone threads the free end; return its end."""
         holds = [_held(first, pose, FIRST) for pose in front.grippers]
-        for there in holds:
-            said = unreached(there, self._feed, self._length, True)
-            if said:
-                raise InvalidTask(f'feed = {self._feed!r}: expected a place from which the DLO '
-                                  f'reaches the hole: {said}')
+        if self._feed is not None:
+            for there in holds:
+                said = unreached(there, self._feed, self._length, True)
+                if said:
+                    raise InvalidTask(f'feed = {self._feed!r}: expected a place from which the DLO '
+                                      f'reaches the hole: {said}')
         found = list[Step]()
-        shape = self._simulator.solve(self._feed, holds=holds[0])
+        shape = (self._grasped(first).solve(front.grippers[0], holds=holds[0])
+                 if self._feed is None else self._simulator.solve(self._feed, holds=holds[0]))
         for there, depth in zip(holds, front.depths.tolist(), strict=True):
             shape = self._followed('thread', found, shape, there)
             found.append((shape, self._length - depth))
@@ -356,7 +378,7 @@ class _HandOverHand:
     def _alone(self, shape: Shape, s: float, by: str, at: float, name: str) -> Shape:
         """Add the stage in which one hand holds the DLO alone; return that shape."""
         held = tuple(hold for hold in shape.holds if hold.by == by)
-        found = self._simulator.track([self._feed], initial=shape, holds=held)[0]
+        found = self._held_on(shape, held)
         moved = apart(shape, found) if found.converged and not found.jumped else np.inf
         if not moved < _FALLS * self._length:
             builder = PlanBuilder([self._length - at], self._demands, f'{name}: waypoint')
@@ -369,8 +391,7 @@ class _HandOverHand:
         pose = next(hold.pose for hold in shape.holds if hold.by == SECOND)
 
         def solved(pose: Pose, before: Shape | None) -> Shape:
-            return self._simulator.track([self._feed], initial=before or shape,
-                                         holds=_held(second, pose, SECOND))[0]
+            return self._held_on(before or shape, _held(second, pose, SECOND))
 
         return self._best_pitch(solved, pose, at, self._holes, name, SECOND)
 
@@ -537,8 +558,7 @@ class _HandOverHand:
                 hands = goal.shifted(here.first.position - goal.first.position)
             else:
                 shape, hands = self._pulled(
-                    lambda hands, before: self._simulator.track(
-                        [self._feed], initial=before, holds=_both(places, hands))[0],
+                    lambda hands, before: self._held_on(before, _both(places, hands)),
                     hands, (steps or found)[-1][0], far, at)
             steps.append((self._centered(name, [*found, *steps], places, hands, at), at))
         return steps
@@ -557,12 +577,33 @@ class _HandOverHand:
 
     def _closed(self, shape: Shape, places: tuple[float, float], hands: _Hands) -> Shape:
         """Return the same Shape once both hands hold it, as it is."""
-        return self._simulator.track([self._feed], initial=shape, holds=_both(places, hands))[0]
+        return self._held_on(shape, _both(places, hands))
+
+    def _held_on(self, before: Shape, holds: Holds) -> Shape:
+        """Return the Shape in which the DLO follows what holds it, from the Shape before.
+
+        Where nothing feeds it, and another hand is the one that is nearer to the beginning than
+        was before, the DLO stays where that hand takes it.
+        """
+        if self._feed is not None:
+            return self._simulator.track([self._feed], initial=before, holds=holds)[0]
+        at = holds[0].s
+        assert at is not None  # hands hold places
+        simulator = self._grasped(at)
+        if grasped_at(before) != at:
+            return simulator.taken(before, holds)
+        return simulator.track([holds[0].pose], initial=before, holds=holds)[0]
+
+    def _grasped(self, at: float) -> GraspedInside:
+        """Return the simulator of the DLO whose beginning is free, held at `at`, m."""
+        if at not in self._inside:
+            self._inside[at] = GraspedInside.of(self._simulator, at)
+        return self._inside[at]
 
     def _followed(self, name: str, found: Sequence[Step], before: Shape, holds: Holds) -> Shape:
         """Return the Shape in which the DLO follows, or raise Infeasible."""
         self._context.progress.check()
-        shape = self._simulator.track([self._feed], initial=before, holds=holds)[0]
+        shape = self._held_on(before, holds)
         if shape.converged and not shape.jumped:
             return shape
         builder = self._builder(name, [*found, (shape, found[-1][1] if found else self._length)])
@@ -577,21 +618,26 @@ class _HandOverHand:
 
     def _judged(self, name: str, found: Sequence[Step], stops: Sequence[int] = ()) -> Shape:
         """Add a stage that keeps all demands, at its waypoints and between; return its end."""
-        builder = self._builder(name, found)
+        errors = self._errors.copy()
+        builder = self._builder(name, found, errors)
         for k, (shape, at) in enumerate(found):
             builder.check()
+            errors.follow(shape)
             builder.add(self._waypoint(shape, at))
             if k in stops:
                 builder.stop()
         stage = builder.finished()
         self._check_workspace(stage, name)
+        self._errors = errors
         self._plans.append(stage)
         self._names.append(name)
         return found[-1][0]
 
-    def _builder(self, name: str, found: Sequence[Step]) -> PlanBuilder:
-        return PlanBuilder([self._length - at for _, at in found], self._demands,
-                           f'{name}: waypoint')
+    def _builder(self, name: str, found: Sequence[Step],
+                 errors: GripErrors | None = None) -> PlanBuilder:
+        held, demands = grasped_at(found[0][0]), replace(self._demands, errors=errors)
+        demands = demands if held is None else demands.made_with(self._grasped(held))
+        return PlanBuilder([self._length - at for _, at in found], demands, f'{name}: waypoint')
 
     def _waypoint(self, shape: Shape, at: float) -> Waypoint:
         """Return the Waypoint of a Shape whose place at `at`, m, is in the center."""
