@@ -393,14 +393,17 @@ class _HandOverHand:
         def solved(pose: Pose, before: Shape | None) -> Shape:
             return self._held_on(before or shape, _held(second, pose, SECOND))
 
-        return self._best_pitch(solved, pose, at, self._holes, name, SECOND)
+        errors = self._errors.copy()
+        errors.follow(shape)
+        return self._best_pitch(solved, pose, at, self._holes, name, SECOND, errors)
 
     def _best_pitch(self, solved: Callable[[Pose, Shape | None], Shape], pose: Pose, at: float,
-                    holes: Holes, name: str, by: str) -> Shape:
+                    holes: Holes, name: str, by: str,
+                    errors: GripErrors | None = None) -> Shape:
         """Return the Shape with the most margin of a DLO that a hand alone holds near the hole.
 
         It pitches about the center, in the plane of normal and weight, from a Pose on. `solved`:
-        the Shape in a Pose, from another.
+        the Shape in a Pose, from another; `errors`: of the hand before that, if not its own.
         """
         best: tuple[float, Shape] | None = None
         for sign in (1.0, -1.0):
@@ -418,7 +421,10 @@ class _HandOverHand:
                     here = _shifted(here, off)
                 if found.converged and found.frame_at(at)[0][:, 0] @ self._normal > 0:
                     rooms = holes.passed(Waypoint(found)).clearances
-                    margin = least_margin(self._uncertainty, found, [at], rooms)
+                    here_off = errors and errors.copy()
+                    if here_off is not None:
+                        here_off.follow(found)
+                    margin = least_margin(self._uncertainty, found, [at], rooms, here_off)
                     if best is None or margin > best[0]:
                         best = margin, found
                 here = Pose.from_rotation(self._center + turn @ (here.position - self._center),
