@@ -137,7 +137,8 @@ class GripErrors:
         Across the DLO. A Shape that it has not come to is held by nothing that closed later.
         """
         if not shape.holds and shape.parts is None:
-            return expected_misses(self._state(shape), [shape], s)[0]
+            found: Floats = expected_misses(self._state(shape), [shape], s)[0]
+            return found
         if shape is not self._last:
             alone = GripErrors(self._uncertainty)
             alone.follow(shape)
@@ -187,8 +188,8 @@ def _grips_of(shape: Shape) -> dict[Hashable, tuple[float, Pose]]:
     The gripper first; where it is one of the hands it goes by that name.
     """
     at = grasped_at(shape) or 0.0
-    holds = {(hold.by, hold.s): (place_of(hold, float(shape.s[-1])), hold.pose)
-             for hold in shape.holds}
+    holds: dict[Hashable, tuple[float, Pose]] = {
+        (hold.by, hold.s): (place_of(hold, float(shape.s[-1])), hold.pose) for hold in shape.holds}
     if at and any(place == at for place, _ in holds.values()):
         return holds
     return {(None, at): (at, shape.gripper), **holds}
