@@ -74,7 +74,7 @@ _METRICS = (('position_error', 'm', 1), ('misalignment', 'rad', 1), ('clearance'
             ('margin', 'm', -1), ('stability', '', -1), ('residual', '', 1),
             ('bend_margin', '1/m', -1), ('yield_utilization', '', 1),
             ('insertion_force', 'N', 1), ('largest_force', 'N', 1), ('largest_moment', 'N m', 1),
-            ('plug_force', 'N', 1), ('plug_moment', 'N m', 1))
+            ('plug_force', 'N', 1), ('plug_moment', 'N m', 1), ('friction_needed', '', 1))
 
 
 class PlanStatus(Enum):
@@ -490,6 +490,11 @@ class Plan(Filmed):
         return _largest(self.wrenches[:, :, :3])
 
     @property
+    def friction_needed(self) -> Floats:
+        """(n,) friction coefficient by which all contacts hold; nan where it touches nothing."""
+        return np.array([friction_needed(shape) for shape in self.shapes])
+
+    @property
     def largest_moment(self) -> Floats:
         """(n,) largest moment of the gripper or a hold, N m, as `wrenches` have it."""
         return _largest(self.wrenches[:, :, 3:])
@@ -651,6 +656,15 @@ def in_stages(plans: Sequence[Plan], names: Sequence[str], speeds: tuple[float, 
         **columns, sheets=last.sheets, fraction=1.0, status=last.status, stops=tuple(sorted(stops)),
         uncertainty=last.uncertainty, starts=tuple(zip(names, firsts, strict=False)),
         wrench_limits=last.wrench_limits)
+
+
+def friction_needed(shape: Shape) -> float:
+    """Return the largest friction over force of the contacts of a Shape; nan: it touches nothing.
+
+    With a coefficient of that size or more, all contacts bear these forces.
+    """
+    return max((float(np.linalg.norm(one.friction)) / one.force for one in shape.contacts
+                if one.force > 0), default=np.nan)
 
 
 def _in_hands(shape: Shape) -> bool:

@@ -8,6 +8,10 @@ there, as the DLO is. A hand opens where the other one alone would hold the DLO 
 so nothing falls: it bears nothing then. In between both draw the DLO through, slack by a little,
 and shift together so that the DLO keeps to the center of the hole.
 
+Where there is no second hand the rim may hold what has passed (`_OverTheRim`): the first one lays
+the DLO on it, where its friction and what feeds the DLO bear all of the weight, opens, closes
+farther back, lifts the DLO off and draws it on.
+
 Each stage is judged as every plan is, at its waypoints and between, with all of the DLO: from what
 feeds it to its free end, or from one free end to the other.
 """
@@ -33,6 +37,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import flag, instance, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.holds import Hold, Holds, unreached
+from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose, angle_between, turned_by
 from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import put
@@ -71,6 +76,10 @@ _LOOSE = 4.0        # standard deviations of the hands' distance: what is less s
 _TAUT = 1e-4        # of the length between the hands: the least that is slack
 _FALLS = 1e-3       # of the length: how far the DLO may move where a hand opens
 _TAIL = 0.5         # of `grip_distance`: how much of the DLO is beyond the second hand at least
+# With the rim: part of the room by which the hand is lowered at once, how often; part of the weight
+# beyond the hole that it may bear where it is lowered far enough; how often it is led to where the
+# DLO comes to without it; part of the rim's friction that is not counted on
+_LOWER, _LOWERED, _BORNE, _LAID, _SURE = 0.25, 60, 0.05, 4, 0.1
 _VERTICAL = 1e-9    # of a unit vector: a normal that is nearer to the vertical has no across
 
 Step: TypeAlias = tuple[Shape, float]  # and the place of the DLO in the center, m
@@ -121,6 +130,11 @@ class ThreadInGrasps(Task):
         Least distance of the DLO from the sheet and all obstacles, m.
     begins_free : bool
         Whether the DLO's beginning hangs freely, and nothing feeds it.
+    on_rim : bool
+        Whether the rim holds what has passed while the hand goes back, instead of a second hand: by
+        the friction of the Sheet with this cut-out, which is among the obstacles. The DLO then has
+        to be fed, and touches the sheet. Where the rim does not hold it the task is refused
+        ('friction'); `Plan.friction_needed` says which friction it takes.
 
     Raises
     ------
@@ -138,13 +152,14 @@ class ThreadInGrasps(Task):
     max_moment: float | None = None
     clearance: float = 0.0
     begins_free: bool = False
+    on_rim: bool = False
 
     if TYPE_CHECKING:  # an integer is a number, too
         def __init__(self, cutout: CutOut, length: float, feed: Pose | None = None,
                      hold_at: float | None = None, stroke: float | None = None,
                      grip_distance: float = 0.05, max_force: float | None = None,
                      max_moment: float | None = None, clearance: float = 0.0,
-                     begins_free: bool = False) -> None: ...
+                     begins_free: bool = False, on_rim: bool = False) -> None: ...
 
     def __post_init__(self) -> None:
         instance('cutout', self.cutout, CutOut)
@@ -155,6 +170,9 @@ class ThreadInGrasps(Task):
         if flag('begins_free', self.begins_free) and self.feed is not None:
             raise InvalidTask(f'feed = {self.feed!r}: expected None with begins_free = True, where '
                               'nothing feeds the DLO')
+        if flag('on_rim', self.on_rim) and self.begins_free:
+            raise InvalidTask('on_rim = True: expected False with begins_free = True: while the '
+                              'hand is open, something has to hold the beginning of the DLO')
         put(self, length=number('length', self.length, above=0, unit='m'),
             grip_distance=number('grip_distance', self.grip_distance, above=0, unit='m'),
             max_force=limit('max_force', self.max_force),
@@ -170,6 +188,8 @@ class ThreadInGrasps(Task):
         instance('context', context, PlanContext)
         feed = None if self.begins_free else (
             self.feed or instance('context.start', context.start, Pose))
+        if self.on_rim:
+            return _OverTheRim(self, context, feed).plan()
         return _HandOverHand(self, context, feed).plan()
 
 
@@ -683,6 +703,186 @@ class _HandOverHand:
                 raise Infeasible(f'{name}: waypoint {place}: the {arm} hand comes {amount:.3g} m '
                                  f'beyond {where}', place, where, amount,
                                  truncate(stage, place, PlanStatus.PARTIAL))
+
+
+class _OverTheRim(_HandOverHand):
+    """Makes the stages of a ThreadInGrasps with one hand, while the rim holds what has passed."""
+
+    def __init__(self, task: ThreadInGrasps, context: PlanContext, feed: Pose | None) -> None:
+        super().__init__(task, context, feed)
+        rims = [one for one in context.simulator.obstacles
+                if isinstance(one, Sheet) and task.cutout in one.cutouts and one.friction]
+        if not rims:
+            raise InvalidTask('on_rim = True: expected a Sheet with this cut-out and a friction '
+                              'among the obstacles, whose rim holds the DLO')
+        self._rim = rims[0]
+        # the forces that are found are within what the rim bears, by as much as is not sure
+        self._touching = self._simulator.with_obstacles([replace(
+            self._rim, friction=(1 - _SURE) * float(rims[0].friction or 0.0))])
+        self._beside = replace(
+            self._demands, obstacles=tuple(one for one in self._demands.obstacles
+                                           if one is not self._rim), touched=(self._rim,),
+            simulator=self._touching, margin=None)
+        self._lies = False  # in the stage that is being made
+
+    def _hand_over_hand(self) -> None:
+        """Make all stages."""
+        front, first = self._front()
+        shape, passed, wanted = self._threaded(front, first), float(front.depths[-1]), (
+            self._task.length)
+        number_ = 0
+        while passed < wanted - _EXACT * self._length:
+            number_ += 1
+            at = self._length - passed
+            shape = self._laid(shape, first, at, f'lay {number_}')
+            shape = self._left(shape, at, f'rim alone {number_}')
+            shape, first, stroke = self._drawn_on(shape, at, wanted - passed, number_)
+            passed += stroke
+
+    def _laid(self, shape: Shape, first: float, at: float, name: str) -> Shape:
+        """Add the stage in which the hand lays the DLO on the rim, until it bears nothing."""
+        self._lies = True
+        frame, place = shape.frame_at(first)
+        gravity = np.asarray(self._simulator.surroundings.gravity)
+        down = gravity / np.linalg.norm(gravity)
+        found = [(self._held_on(shape, _held(first, Pose.from_rotation(place, frame), FIRST)), at)]
+        for _ in range(_LOWERED):
+            there = found[-1][0]
+            if there.contacts and there.wrenches[0, :3] @ down > -_BORNE * self._weight * (
+                    self._length - at):
+                break
+            frame, place = there.frame_at(first)
+            pose = Pose.from_rotation(place + _LOWER * self._room * down, frame)
+            found.append((self._followed(name, found, there, _held(first, pose, FIRST)), at))
+        for _ in range(_LAID):
+            there = found[-1][0]
+            left = self._held_on(there, ())
+            self._check_rests(left, at, name)
+            frame, place = left.frame_at(first)
+            found += self._led(name, found, first, Pose.from_rotation(place, frame), at)
+            if apart(self._held_on(found[-1][0], ()), found[-1][0]) < _FALLS * self._length:
+                break
+        return self._judged(name, found)
+
+    def _left(self, shape: Shape, at: float, name: str) -> Shape:
+        """Add the stage in which the rim, and what feeds the DLO, hold it alone."""
+        left = self._held_on(shape, ())
+        self._check_rests(left, at, name)
+        moved = apart(shape, left)
+        if not moved < _FALLS * self._length:
+            raise self._builder(name, [(left, at)]).refusal(
+                'continuity', moved, f'where the hand opens the DLO would move by {moved:.3g} m')
+        return self._judged(name, [(left, at)])
+
+    def _check_rests(self, shape: Shape, at: float, name: str) -> None:
+        """Raise Infeasible where a DLO that no hand holds does not rest on the rim."""
+        if not shape.converged or not shape.contacts or (
+                (shape.positions[-1] - self._center) @ self._normal <= 0):
+            raise self._builder(name, [(shape, at)]).refusal(
+                'friction', apart(self._plans[-1].shapes[-1], shape), 'the rim does not hold what '
+                f'has passed: with {1 - _SURE:.0%} of its friction the DLO would slide off', 'm')
+
+    def _drawn_on(self, shape: Shape, at: float, left: float,
+                  count: int) -> tuple[Shape, float, float]:
+        """Add the stages in which the hand closes farther back, lifts the DLO and draws it on.
+
+        Returns its end, where the hand holds it, m, and how much has passed, m.
+        """
+        refused: Infeasible | None = None
+        for parts in range(1, _MOST_PULLS + 1):
+            stroke = left / parts
+            first = at - stroke - self._gap
+            if self._task.stroke is not None and stroke > self._task.stroke * (1 + _EXACT) or (
+                    not first > self._gap):
+                continue
+            kept, errors = len(self._plans), self._errors
+            try:
+                lifted = self._lifted(shape, first, at, f'lift {count}')
+                return self._pushed(lifted, first, at, stroke, f'pull {count}'), first, stroke
+            except Infeasible as error:
+                refused = refused or error
+                del self._plans[kept:], self._names[kept:]
+                self._errors = errors
+        if refused is None:
+            raise InvalidTask(f'stroke = {self._task.stroke!r}: expected at least '
+                              f'{left / _MOST_PULLS:.4g} m: {left:.4g} m are to pass, and more '
+                              f'than {_MOST_PULLS} pulls are not tried')
+        raise refused
+
+    def _lifted(self, shape: Shape, first: float, at: float, name: str) -> Shape:
+        """Add the stage in which the hand takes the DLO and lifts it off the rim to the center."""
+        self._lies = True
+        frame, place = shape.frame_at(first)
+        pose = Pose.from_rotation(place, frame)
+        found = [(self._held_on(shape, _held(first, pose, FIRST)), at)]
+        goal = self._alone_before(first, at, name).gripper
+        found += self._led(name, found, first, goal, at)
+        return self._judged(name, found)
+
+    def _pushed(self, shape: Shape, first: float, at: float, stroke: float, name: str) -> Shape:
+        """Add the stage in which the hand alone draws the DLO on, up to the sheet."""
+        self._lies = False
+        ways = (shape.frame_at(first)[0], self._alone_before(
+            first, at - stroke, name).gripper.rotation)
+        found = [(self._held_on(shape, shape.holds), at)]
+        count = int(np.ceil(max(angle_between(*ways) / _TURN,
+                                stroke / (_SHIFT * self._length))))
+        for share in np.linspace(0, 1, count + 1)[1:].tolist():
+            place, there = at - share * stroke, found[-1][0]
+            here = Pose.from_rotation(there.frame_at(first)[1], partway(*ways, share))
+            for _ in range(_CENTERINGS):
+                there = self._followed(name, found, there, _held(first, here, FIRST))
+                off = self._center - there.frame_at(place)[1]
+                if np.linalg.norm(off) < _EXACT * self._length:
+                    break
+                here = _shifted(here, off)
+            found.append((there, place))
+        return self._judged(name, found)
+
+    def _alone_before(self, first: float, at: float, name: str) -> Shape:
+        """Return the Shape of the part in front of the hand, which alone holds the DLO at `first`.
+
+        `at`, m, is in the center, with the most margin of all pitches.
+        """
+        part = self._simulator.part(first, 1)
+
+        def solved(pose: Pose, before: Shape | None) -> Shape:
+            return part.solve(pose) if before is None else part.track([pose], initial=before)[0]
+
+        pose = Pose.from_rotation(self._center - (at - first) * self._normal,
+                                  self._task.cutout.pose.rotation)
+        return self._best_pitch(solved, pose, at - first, self._holes_of(part), name, FIRST)
+
+    def _led(self, name: str, found: Sequence[Step], first: float, goal: Pose,
+             at: float) -> list[Step]:
+        """Return the Steps in which the hand leads the DLO straight to a Pose."""
+        frame, place = found[-1][0].frame_at(first)
+        way, steps = goal.position - place, list[Step]()
+        count = max(1, int(np.ceil(max(angle_between(frame, goal.rotation) / _TURN, np.linalg.norm(
+            way) / (_SHIFT * self._length)))))
+        for share in np.linspace(0, 1, count + 1)[1:].tolist():
+            pose = Pose.from_rotation(place + share * way, partway(frame, goal.rotation, share))
+            before = (steps or found)[-1][0]
+            steps.append((self._followed(name, [*found, *steps], before,
+                                         _held(first, pose, FIRST)), at))
+        return steps
+
+    def _held_on(self, before: Shape, holds: Holds) -> Shape:
+        """Return the Shape in which the DLO follows what holds it; on the rim it may lie."""
+        assert self._feed is not None  # else there is no such task
+        simulator = self._touching if self._lies else self._simulator
+        return simulator.track([self._feed], initial=before, holds=holds)[0]
+
+    def _builder(self, name: str, found: Sequence[Step],
+                 errors: GripErrors | None = None) -> PlanBuilder:
+        if not self._lies:
+            return super()._builder(name, found, errors)
+        return PlanBuilder([self._length - at for _, at in found], self._beside,
+                           f'{name}: waypoint')
+
+    def _waypoint(self, shape: Shape, at: float) -> Waypoint:
+        """Return the Waypoint of a Shape; one that may lie on the rim has no room beside it."""
+        return Waypoint(shape) if self._lies else super()._waypoint(shape, at)
 
 
 def _held(s: float, pose: Pose, by: str) -> Holds:
