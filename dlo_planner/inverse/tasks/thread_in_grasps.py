@@ -274,13 +274,13 @@ class _HandOverHand:
             at = self._length - passed
             second, pulls = at + self._gap, self._pulls(at, wanted - passed)
             shape = self._handed_over(shape, first, second, at, f'hand over {number_}')
-            shape = self._alone(shape, second, SECOND, at, f'second alone {number_}')
+            shape = self._alone(shape, SECOND, at, f'second alone {number_}')
             shape, pull = self._drawn_somehow(shape, second, at, pulls, f'pull {number_}')
             first, passed = second - pull.apart, passed + pull.apart - 2 * self._gap
             if passed < wanted - _EXACT * self._length:
                 at = self._length - passed
                 shape = self._handed_back(shape, first, second, at, f'lower {number_}')
-                shape = self._alone(shape, first, FIRST, at, f'first alone {number_}')
+                shape = self._alone(shape, FIRST, at, f'first alone {number_}')
 
     # ---- the free end -----------------------------------------------------------------------
 
@@ -395,15 +395,14 @@ class _HandOverHand:
                              _hands_of(alone, 0.0, second - first), at)
         return self._judged(name, found)
 
-    def _alone(self, shape: Shape, s: float, by: str, at: float, name: str) -> Shape:
-        """Add the stage in which one hand holds the DLO alone; return that shape."""
+    def _alone(self, shape: Shape, by: str | None, at: float, name: str) -> Shape:
+        """Add the stage in which one hand holds the DLO alone, or none; return that shape."""
         held = tuple(hold for hold in shape.holds if hold.by == by)
         found = self._held_on(shape, held)
         moved = apart(shape, found) if found.converged and not found.jumped else np.inf
         if not moved < _FALLS * self._length:
-            builder = PlanBuilder([self._length - at], self._demands, f'{name}: waypoint')
-            raise builder.refusal('continuity', moved, f'where the other hand opens the DLO would '
-                                  f'move by {moved:.3g} m')
+            raise self._builder(name, [(found, at)]).refusal(
+                'continuity', moved, f'where the hand opens the DLO would move by {moved:.3g} m')
         return self._judged(name, [(found, at)])
 
     def _second_alone(self, shape: Shape, second: float, at: float, name: str) -> Shape:
@@ -766,13 +765,8 @@ class _OverTheRim(_HandOverHand):
 
     def _left(self, shape: Shape, at: float, name: str) -> Shape:
         """Add the stage in which the rim, and what feeds the DLO, hold it alone."""
-        left = self._held_on(shape, ())
-        self._check_rests(left, at, name)
-        moved = apart(shape, left)
-        if not moved < _FALLS * self._length:
-            raise self._builder(name, [(left, at)]).refusal(
-                'continuity', moved, f'where the hand opens the DLO would move by {moved:.3g} m')
-        return self._judged(name, [(left, at)])
+        self._check_rests(self._held_on(shape, ()), at, name)
+        return self._alone(shape, None, at, name)
 
     def _check_rests(self, shape: Shape, at: float, name: str) -> None:
         """Raise Infeasible where a DLO that no hand holds does not rest on the rim."""
@@ -858,8 +852,8 @@ class _OverTheRim(_HandOverHand):
         """Return the Steps in which the hand leads the DLO straight to a Pose."""
         frame, place = found[-1][0].frame_at(first)
         way, steps = goal.position - place, list[Step]()
-        count = max(1, int(np.ceil(max(angle_between(frame, goal.rotation) / _TURN, np.linalg.norm(
-            way) / (_SHIFT * self._length)))))
+        count = max(1, int(np.ceil(max(angle_between(frame, goal.rotation) / _TURN, float(
+            np.linalg.norm(way)) / (_SHIFT * self._length)))))
         for share in np.linspace(0, 1, count + 1)[1:].tolist():
             pose = Pose.from_rotation(place + share * way, partway(frame, goal.rotation, share))
             before = (steps or found)[-1][0]
