@@ -311,9 +311,8 @@ class Insert(Task):
             raise refused from None
         middle = CutOut(shifted(bore.pose, 0.5 * deep * bore.normal), radius=bore.radius)
         around = Sheet(middle.pose, block.width, block.height, deep, (middle,))
-        obstacles = (*context.demands.obstacles, around)
-        builder = PlanBuilder(depths, replace(context.demands, obstacles=obstacles))
-        holes = Holes([middle], rod.length, obstacles, surface)
+        builder = PlanBuilder(depths, context.demands)
+        holes = Holes([middle], rod.length, [around], surface)
         for depth, shape in zip(depths.tolist(), passed.shapes, strict=True):
             half = 0.5 * depth
             builder.check()
