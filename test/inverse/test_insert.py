@@ -410,6 +410,9 @@ def test_a_soft_dlo_hangs_obliquely_into_a_bore_that_is_wide_for_its_depth(obliq
 def test_what_is_inside_a_wide_bore_keeps_clear_of_its_walls(oblique):
     _, plan = oblique
     normal, s = WIDE.normal, np.linspace(0.9, 1, 2001)
+    around = np.linspace(0, 2 * np.pi, 361)
+    axes = np.array(WIDE.pose.rotation)
+    rim = WIDE.radius * (np.cos(around)[:, None] * axes[:, 1] + np.sin(around)[:, None] * axes[:, 2])
     for depth, shape, clearance in zip(plan.depths, plan.shapes, plan.clearance, strict=True):
         true = true_rod(SOFT, shape.gripper, shape)  # at the nodes of the shape
         assert np.linalg.norm(true - shape.positions, axis=1).max() < 1e-3 * SOFT.length
@@ -424,6 +427,10 @@ def test_what_is_inside_a_wide_bore_keeps_clear_of_its_walls(oblique):
         if inside.any():
             assert WIDE.radius - across[inside].max() - SOFT.radius > clearance - 1e-5
         assert (along[s < 1 - 0.5 * depth - WIDE.radius / 2] < 0).all()
+        # what is least is the distance from the circle of the mouth
+        away = away[np.abs(along) < WIDE.radius]
+        apart = np.linalg.norm(away[:, None] - rim, axis=2).min() - SOFT.radius
+        assert clearance == pytest.approx(apart, abs=1e-5)
 
 
 def test_a_bore_that_is_deep_for_its_width_leaves_no_room_for_a_tilt(oblique):
