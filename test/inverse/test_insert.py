@@ -411,8 +411,8 @@ def test_what_is_inside_a_wide_bore_keeps_clear_of_its_walls(oblique):
     _, plan = oblique
     normal, s = WIDE.normal, np.linspace(0.9, 1, 2001)
     around = np.linspace(0, 2 * np.pi, 361)
-    axes = np.array(WIDE.pose.rotation)
-    rim = WIDE.radius * (np.cos(around)[:, None] * axes[:, 1] + np.sin(around)[:, None] * axes[:, 2])
+    _, y, z = np.array(WIDE.pose.rotation).T
+    rim = WIDE.radius * (np.cos(around)[:, None] * y + np.sin(around)[:, None] * z)
     for depth, shape, clearance in zip(plan.depths, plan.shapes, plan.clearance, strict=True):
         true = true_rod(SOFT, shape.gripper, shape)  # at the nodes of the shape
         assert np.linalg.norm(true - shape.positions, axis=1).max() < 1e-3 * SOFT.length
