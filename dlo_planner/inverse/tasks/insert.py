@@ -218,8 +218,8 @@ class Insertion(Family):
 
 
 _INSERTED = 0.99  # of the length, at most
-# rad: where the mouth allows a smaller tilt at the last depth, none is looked for. Of 31 soft DLOs
-# that bores of 1.02 to 1.2 diameters refuse, none could go in obliquely
+# rad: where the mouth allows a smaller tilt at the last depth, none is looked for. Of 58 soft DLOs
+# that bores of 1.02 to 1.2 diameters refuse, the mouth might allow one, and that has no way in
 _TILTED = 0.05
 _BLOCK = 4.0      # of the length: how far the block around a bore reaches
 
