@@ -13,6 +13,7 @@ used, and a plan's shapes as first guesses.
     python -m benchmarks.room kinds 20 1     thick sheets, slots, plugs, tapered and plastic DLOs
     python -m benchmarks.room stiff 100 1    stiff DLOs: the same plans as along the normal
     python -m benchmarks.room advice 40 1    refusals: do the levers that are named hold
+    python -m benchmarks.room bores 40 1     bores: how many soft DLOs go in obliquely
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ from dlo_planner import (
     Sheet,
 )
 from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.reachable import reachable_shapes
 from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.path import GripperPath
 
@@ -553,6 +555,63 @@ def print_stiff(count: int, seed: int) -> None:
 
 
 # ------------------------------------------------------------------------------------------------
+# Bores.
+
+# of bores: radius over that of the DLO, and depth over that, from and to; the last one of at most
+# 0.4 of the length
+BORES = {'tight': (1.02, 1.2, 2.0, np.inf), 'medium': (1.5, 6.0, 2.0, np.inf),
+         'wide and short': (4.0, 21.0, 1.0, 8.0)}
+
+
+def highest(rod: Rod, length: float) -> float:
+    """Return the largest elevation, rad, of the free end of a DLO of a length, m, that stands."""
+    shapes = reachable_shapes(DirectSimulator(replace(rod, length=length), gravity=GRAVITY), 0.01,
+                              lambda: None)
+    return -np.pi / 2 if shapes is None else float(
+        np.arcsin(np.clip(shapes.frames[:, -1, 2, 0], -1, 1)).max())
+
+
+def print_bores(count: int, seed: int) -> None:
+    """Print how many random soft DLOs go into bores along them, and obliquely."""
+    for kind, (narrow, wide, short, deep) in BORES.items():
+        rng, tally, errors = np.random.default_rng([seed, count]), np.zeros(3, int), 0
+        for index in range(count):
+            case = drawn(seed, 7000 + index, 3, 300)
+            rod, radius, cutout = case.rod, float(case.rod.radius), case.cutout
+            room = radius * float(np.exp(rng.uniform(np.log(narrow - 1), np.log(wide - 1))))
+            depth = float(np.exp(rng.uniform(np.log(short * radius), np.log(
+                min(deep * radius, 0.4 * rod.length)))))
+            bore = CutOut(cutout.pose, radius=radius + room)
+            inverse = InverseSimulator(DirectSimulator(rod, gravity=GRAVITY))
+            depths = np.linspace(0, depth, 6)
+            try:
+                inverse.insert(bore, depths=depths, max_misalignment=0)
+                tally[0] += 1
+                continue
+            except Infeasible:
+                pass
+            # the tilt that the mouth leaves, against what the DLO lacks to be along the bore
+            lacks = [np.deg2rad(case.elevation) - highest(rod, rod.length - at) - (
+                np.arcsin(min(1.0, 2 * room / at)) if at else np.pi / 2)
+                for at in np.linspace(0, depth, 25).tolist()]
+            tally[1] += max(lacks) <= 0
+            try:
+                plan = inverse.insert(bore, depths=depths)
+            except Infeasible:
+                continue
+            tally[2] += 1
+            (sheet, _), = plan.sheets
+            found = wrong(Case(rod, sheet.cutouts[0], sheet), plan)
+            if found:
+                errors += 1
+                print(f'  {kind} {index}: {found[:4]}', flush=True)
+        along, allowed, oblique = tally.tolist()
+        print(f'{kind}: of {count}, {along} go in along the bore; of the {count - along} others '
+              f'the mouth may allow {allowed}, {oblique} go in obliquely, {errors} wrong',
+              flush=True)
+
+
+# ------------------------------------------------------------------------------------------------
 # Advice.
 
 _HELD = re.compile(r'held at most ([\d.e-]+) m')
@@ -624,7 +683,7 @@ def print_advice(count: int, seed: int) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Run."""
     jobs = {'wire': print_wire, 'soft': print_soft, 'kinds': print_kinds, 'stiff': print_stiff,
-            'advice': print_advice}
+            'advice': print_advice, 'bores': print_bores}
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('what', choices=list(jobs))

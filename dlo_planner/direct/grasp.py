@@ -5,12 +5,13 @@
 From the gripper it is two DLOs, one to each end. The one to the beginning runs against the arc
 length: its frame is (-t, n, -b), its strains are (torsion, -curvature about n, curvature about b).
 The two do not push each other, and neither feels the other through the gripper; nothing else is
-neglected.
+neglected. What else holds the DLO holds the part beyond the gripper: of several hands the one that
+is nearest to the beginning is the gripper.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, Self, TypeAlias
@@ -27,6 +28,7 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping, known_option
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, instance, number, shown
+from dlo_planner.model.holds import Hold, Holds, named
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import BACK, Rod, part_of_rod
@@ -37,6 +39,7 @@ from dlo_planner.progress import OnProgress, Progress, interrupted_by
 _TURNED = np.diag([-1.0, 1.0, -1.0])  # of frames
 _WAYS = -1, 1   # along the arc length, of the parts
 _SAME = 1e-9    # of the length: places that are nearer are one
+_ONE = 1e-7     # m, and of unit vectors: poses of a hand on two splines that are one
 
 
 class GraspedInside(Value):
@@ -145,31 +148,37 @@ class GraspedInside(Value):
         return made
 
     def solve(self, gripper: Pose, initial: Shape | None = None, *,
-              deadline: float | None = None) -> Shape:
-        """Return the stable Shape, s from end to end; arguments as `DirectSimulator.solve`."""
-        before = self._before(initial)
+              holds: Iterable[Hold] = (), deadline: float | None = None) -> Shape:
+        """Return the stable Shape, s from end to end; arguments as `DirectSimulator.solve`.
+
+        `holds`: what else holds the DLO, beyond the gripper. One of the gripper's own place says
+        what the gripper is called among them (`Hold.by`): `Shape.wrenches` have what it exerts, and
+        `Shape.gripper_wrench` is 0 then.
+        """
+        before, backwards = self._before(initial), _both(gripper)[0]
+        (beyond, name), = self._held([gripper], holds)
         with interrupted_by(Progress(deadline=deadline).check):
-            back, on = (part.solve(pose, shape) for part, pose, shape in
-                        zip(self.parts, _both(gripper), before, strict=True))
-        return _led(initial, self.joined(back, on))
+            back = self.parts[0].solve(backwards, before[0])
+            on = self.parts[1].solve(gripper, before[1], holds=beyond)
+        return _led(initial, self.joined(back, on, name))
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
               initial: Shape | None = None, *, holds: Iterable[Any] = (),
               deadline: float | None = None) -> list[Shape]:
         """Return the shapes along a slow motion; arguments as `DirectSimulator.track`.
 
-        Nothing else than the gripper may hold the DLO: `holds` has none.
+        `holds` as for `solve`.
         """
         grippers = poses(grippers)
-        _held_by_none(holds, len(grippers), self.rod.length)
+        held = self._held(grippers, holds)
         steps = Progress(progress, deadline)
         before = self._before(initial)
         joined = []
-        for gripper in grippers:
+        for gripper, (beyond, name) in zip(grippers, held, strict=True):
             with interrupted_by(steps.check):
-                back, on = (part.track([pose], initial=shape)[0] for part, pose, shape in
-                            zip(self.parts, _both(gripper), before, strict=True))
-            joined.append(_led(initial, self.joined(back, on)))
+                back = self.parts[0].track([_both(gripper)[0]], initial=before[0])[0]
+                on = self.parts[1].track([gripper], initial=before[1], holds=beyond)[0]
+            joined.append(_led(initial, self.joined(back, on, name)))
             initial = joined[-1] if joined[-1].converged else initial
             before = tuple(shape if shape.converged else last
                            for shape, last in zip((back, on), before, strict=True))
@@ -190,10 +199,11 @@ class GraspedInside(Value):
 
         `velocity` is (N + 1, 3) of the nodes of `initial`, no function. Where one part cannot go
         on, the motion ends for both, and its message says which part it is. `tolerance` is for
-        each part. Nothing else than the gripper may hold the DLO: `holds` has none.
+        each part. `holds` as for `solve`.
         """
         grippers = poses(grippers, 1)
-        _held_by_none(holds, len(grippers), self.rod.length)
+        held = self._held(grippers, holds)
+        beyond = [there for there, _ in held]
         steps, (backwards, forwards) = Progress(progress, deadline), _all_of(grippers)
         before: list[Shape | Motion | None] = [None, None]
         velocities: list[Floats | None] = [None, None]
@@ -213,13 +223,14 @@ class GraspedInside(Value):
             velocities = [known[gripped::-1], known[gripped:]]
         with interrupted_by(steps.check):
             back, on = (part.simulate(way, dt, shape, velocity=known, tolerance=tolerance,
-                                      integrator=integrator)
-                        for part, way, shape, known in zip(
-                            self.parts, (backwards, forwards), before, velocities, strict=True))
+                                      integrator=integrator, holds=holding)
+                        for part, way, shape, known, holding in zip(
+                            self.parts, (backwards, forwards), before, velocities,
+                            ((), beyond if any(beyond) else ()), strict=True))
         steps.done(len(forwards), len(forwards))
-        return self._moved(back, on)
+        return self._moved(back, on, held[0][1])
 
-    def _moved(self, back: Motion, on: Motion) -> Motion:
+    def _moved(self, back: Motion, on: Motion, name: str | None) -> Motion:
         """Return the Motion of the whole DLO, as long as both its parts are known."""
         n = min(len(back), len(on))
         n = int(np.append(back.times[:n] != on.times[:n], True).argmax())
@@ -229,7 +240,7 @@ class GraspedInside(Value):
         work, losses = (np.add(*(getattr(one, name)[:n] for one in (back, on)))
                         for name in ('work', 'losses'))
         shapes: list[Shape] = []
-        for shape in map(self.joined, back.shapes[:n], on.shapes[:n]):
+        for shape in map(partial(self.joined, name=name), back.shapes[:n], on.shapes[:n]):
             led = _led(shapes[-1], shape) if shapes else shape
             passed = bool(shapes) and shapes[-1].passed_itself is True  # since it began
             shapes.append(replace(led, passed_itself=True) if passed else led)
@@ -260,9 +271,57 @@ class GraspedInside(Value):
     def _before(self, initial: Shape | None) -> tuple[Shape | None, ...]:
         return (None, None) if initial is None else self.parts_of(initial)
 
-    def joined(self, back: Shape, on: Shape) -> Shape:
-        """Return the Shape of both parts as one, s = 0 at the free end of `back`."""
+    def _held(self, grippers: Sequence[Pose],
+              holds: Iterable[Any]) -> list[tuple[Holds, str | None]]:
+        """Return what holds the part beyond the gripper at each of its poses, and its own name."""
+        return [self._beyond(gripper, there) for gripper, there in zip(
+            grippers, held_by(None, holds, len(grippers), self.rod.length), strict=True)]
+
+    def _beyond(self, gripper: Pose, holds: Holds) -> tuple[Holds, str | None]:
+        beyond, name, near = list[Hold](), None, _SAME * self.rod.length
+        for hold in holds:
+            if hold.s is None:
+                beyond.append(hold)
+            elif hold.s > self.at + near:
+                beyond.append(Hold(hold.pose, hold.grip, hold.s - self.at, hold.slip, by=hold.by))
+            elif hold.s < self.at - near or hold.grip != 'clamped':
+                raise InvalidTask(f'holds: {named(hold)} is {hold!r}: expected a hold beyond the '
+                                  f'gripper, which holds the DLO at {self.at:g} m, or the clamped '
+                                  'one of its own place')
+            elif not np.allclose(hold.pose.matrix, gripper.matrix, rtol=0, atol=_ONE):
+                raise InvalidTask(f'holds: {named(hold)} is {hold!r}: expected the pose of the '
+                                  f'gripper, which is that hold, {gripper!r}')
+            else:
+                name = hold.by
+        return tuple(beyond), name
+
+    def taken(self, shape: Shape, holds: Iterable[Hold] = ()) -> Shape:
+        """Return the Shape of the DLO once this simulator's gripper holds it, where it is.
+
+        `shape` is of the same DLO, held in any way; `holds` as for `solve`. Each part is sought
+        from its own piece of it.
+        """
+        frame, place = instance('shape', shape, Shape).frame_at(self.at)
+        gripper = Pose.from_rotation(place, frame)
+        (beyond, name), = self._held([gripper], holds)
+        back, on = (part.solve(pose, piece_of(shape, self.at, way), holds=there)
+                    for part, pose, way, there in zip(
+                        self.parts, _both(gripper), _WAYS, ((), beyond), strict=True))
+        return self.joined(back, on, name)
+
+    def joined(self, back: Shape, on: Shape, name: str | None = None) -> Shape:
+        """Return the Shape of both parts as one, s = 0 at the free end of `back`.
+
+        `name`: what the gripper is called among the holds, if it is.
+        """
         at = self.at
+        wrench = back.gripper_wrench + on.gripper_wrench
+        holds = [hold if hold.s is None else Hold(
+            hold.pose, hold.grip, hold.s + at, hold.slip, by=hold.by) for hold in on.holds]
+        wrenches = on.wrenches
+        if name is not None:
+            holds.insert(0, Hold(on.gripper, s=at, by=name))
+            wrenches, wrench = np.vstack([wrench, wrenches]), np.zeros(6)
         contacts = [replace(contact, s=at - contact.s) for contact in reversed(back.contacts)]
         contacts += [replace(contact, s=at + contact.s) for contact in on.contacts]
         s = np.concatenate([at - back.s[:0:-1], at + on.s])
@@ -274,7 +333,7 @@ class GraspedInside(Value):
             element_strains=np.vstack([back.element_strains[::-1] * BACK, on.element_strains]),
             energy=back.energy + on.energy,
             elastic_energy=back.elastic_energy + on.elastic_energy,
-            gripper_wrench=back.gripper_wrench + on.gripper_wrench,
+            gripper_wrench=wrench, holds=tuple(holds), wrenches=wrenches,
             residual=max(back.residual, on.residual), stability=min(back.stability, on.stability),
             iterations=max(back.iterations, on.iterations),
             converged=back.converged and on.converged, jumped=back.jumped or on.jumped,
@@ -323,12 +382,24 @@ def grasped_at(shape: Shape) -> float | None:
     return None if shape.parts is None else float(shape.parts[0].s[-1])
 
 
-def _held_by_none(holds: Iterable[Any], count: int, length: float) -> None:
-    """Raise InvalidTask where something holds a DLO of a length (m) beside the gripper inside."""
-    for there in held_by(None, holds, count, length):
-        if there:
-            raise InvalidTask(f'holds = {shown(there)}: expected none, the gripper alone holds a '
-                              'DLO that is grasped inside')
+def piece_of(shape: Shape, at: float, way: int) -> Shape:
+    """Return the piece of a Shape from `at` (m) to its end, or to its beginning (`way` = -1).
+
+    It runs from there on, and is a first guess for what nothing else holds: it has no past.
+    """
+    frame, place = shape.frame_at(at)
+    keep = (shape.s > at) if way > 0 else (shape.s < at)
+    keep &= np.abs(shape.s - at) > _SAME * shape.s[-1]
+    s, positions, frames = shape.s[keep], shape.positions[keep], shape.frames[keep]
+    middles = 0.5 * (np.append(at, s[:-1]) + s) if way > 0 else 0.5 * (s + np.append(s[1:], at))
+    strains = shape.element_strains[np.searchsorted(shape.s, middles) - 1]
+    s, positions, frames, strains = (
+        (np.append(0.0, s - at), np.vstack([place, positions]),
+         np.concatenate([frame[None], frames]), strains) if way > 0 else
+        (np.append(0.0, (at - s)[::-1]), np.vstack([place, positions[::-1]]),
+         np.concatenate([frame[None], frames[::-1]]) @ _TURNED, strains[::-1] * BACK))
+    return Shape(Pose.from_rotation(place, frames[0]), s, positions, frames, strains, shape.energy,
+                 shape.elastic_energy, np.zeros(6), shape.residual, shape.stability, 0, False)
 
 
 def _both(gripper: Pose) -> tuple[Pose, Pose]:

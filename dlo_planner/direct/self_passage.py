@@ -58,7 +58,8 @@ def _bends_little(shape: Shape) -> bool:
 
 def _is_turned(shape: Shape) -> bool:
     """Whether both ends of a Shape turn with what holds them."""
-    return not shape.pinned and shape.far_end is not None and shape.far_end.grip in _TURNING
+    return (not shape.pinned and shape.parts is None and shape.far_end is not None
+            and shape.far_end.grip in _TURNING)
 
 
 def _turned_by(previous: Shape, shape: Shape) -> float:

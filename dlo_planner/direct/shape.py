@@ -384,6 +384,8 @@ class Shape(Pictured):
         With 'jumped', 'passed through itself' ('may have passed through itself' where that is
         not known), 'lies in itself' and 'plastic hinge' where it did, does and has one.
         """
+        if self.parts is not None and not self._within_reach:
+            return self.parts[1].status
         if self.holds and not self._within_reach:
             return 'out of reach: ' + unreached(self.holds, self.gripper, float(self.s[-1]),
                                                 self._loaded)
@@ -439,7 +441,7 @@ class Shape(Pictured):
             name = known[deepest.obstacle].name if known else ''
             return (f'at s = {deepest.s:.4g} m the DLO is {deepest.penetration:.2g} m inside '
                     f'{name or f"obstacle {deepest.obstacle}"} and does not come out')
-        if not self.holds or self.state.mesh is None:
+        if not self.holds or self.state.mesh is None or self.parts is not None:
             return ''
         from dlo_planner.direct.taut import coarseness  # noqa: PLC0415  (SciPy: a free DLO needs none)
         return coarseness(self.state.mesh, self.gripper,
@@ -476,6 +478,8 @@ class Shape(Pictured):
 
     @property
     def _within_reach(self) -> bool:
+        if self.parts is not None:  # what is beyond the gripper alone is held
+            return self.parts[1]._within_reach
         return all(span.reaches(self._loaded)
                    for span in spans_of(self.holds, self.gripper, float(self.s[-1])))
 

@@ -199,6 +199,7 @@ class InverseSimulator(Value):
 
     def insert(self, bore: CutOut, *, start: Pose | None = None, depths: ArrayLike | None = None,
                friction: float | None = None, hold_at: float | None = None,
+               max_misalignment: float | None = None,
                linear_speed: float = 0.1, angular_speed: float = 0.5, progress: OnProgress = None,
                deadline: float | None = None) -> Plan:
         """Plan the insertion into a bore of about the DLO's diameter (paper, section 5.2).
@@ -224,13 +225,18 @@ class InverseSimulator(Value):
             Where the gripper holds the DLO, m from its beginning, as for `thread`: what is in front
             of the gripper is inserted, depths are of its free end. Such a plan is not simulated in
             motion. If None or 0, at its beginning.
+        max_misalignment : float, optional
+            Largest angle against the bore, rad, at which a DLO that is too soft to go in along it
+            may hang into a bore that is wide for its depth, touching nothing. 0: along the bore
+            only. If None, any.
 
         Returns
         -------
         Plan
             It may have more waypoints than `depths`. Its shapes, and their stability, are of the
             part outside, held at the entrance. `Shape.far_wrench` is what the entrance exerts on
-            that part: zero, except where it takes over a mass.
+            that part: zero, except where it takes over a mass. Of a DLO that goes in obliquely they
+            are of the whole, which nothing holds but the gripper.
 
         Raises
         ------
@@ -238,8 +244,8 @@ class InverseSimulator(Value):
             Infeasible where a waypoint has no stable solution, or the gripper would have to jump to
             it.
         """
-        return self._shorthand(Insert(bore, depths, friction, hold_at), start, None, linear_speed,
-                               angular_speed, progress, deadline)
+        return self._shorthand(Insert(bore, depths, friction, hold_at, max_misalignment), start,
+                               None, linear_speed, angular_speed, progress, deadline)
 
     def approach(self, cutout: CutOut, plan: Plan, start: Pose, *,
                  standoff: float | None = None, initial: Shape | None = None,

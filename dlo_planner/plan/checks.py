@@ -23,7 +23,7 @@ from dlo_planner.model.plug import Plug
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import Bodies
-from dlo_planner.plan.margin import least_margin
+from dlo_planner.plan.margin import GripErrors, least_margin
 from dlo_planner.plan.plug_room import PlugRoom
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.plan.workspace import Workspace
@@ -106,6 +106,8 @@ class PlanChecker:
     uncertainty: Uncertainty | None = None  # of the DLO and its gripper; None: the usual one
     margin: float | None = None  # least margin in a cut-out, m. If None, any
     clearance: float = 0.0  # least distance from the obstacles and sheets, m
+    # of a plan in which hands close, on its way. If None, each grip is off by an error of its own
+    errors: GripErrors | None = None
     plug: Plug | None = None  # in the hand
 
     def silent(self) -> PlanChecker:
@@ -172,7 +174,7 @@ class PlanChecker:
                          + verbatim(called(obstacle, index)))
         if self.margin is not None:
             found = least_margin(self.uncertainty, shape, [s for _, s, _ in waypoint.via_points],
-                                 waypoint.clearances)
+                                 waypoint.clearances, self.errors)
             if not np.isnan(found):
                 yield Margin('margin', found - self.margin, 'the clearance less two standard '
                              'deviations of the expected miss would be {found:.3g} m, margin = '

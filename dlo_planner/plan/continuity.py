@@ -13,7 +13,6 @@ from dlo_planner.direct.continuation import shape_change
 from dlo_planner.direct.grasp import Simulator
 from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.holds import Holds
 from dlo_planner.model.pose import Pose, angle_between
@@ -90,16 +89,12 @@ def passes_itself(simulator: Simulator | None, before: Shape, shape: Shape) -> b
 
 def followed(simulator: Simulator, before: Shape, gripper: Pose, holds: Holds) -> Shape:
     """Return the Shape in which a DLO follows its grips from the Shape before."""
-    if isinstance(simulator, DirectSimulator):
-        return simulator.track([gripper], initial=before, holds=holds)[0]
-    return simulator.track([gripper], initial=before)[0]
+    return simulator.track([gripper], initial=before, holds=holds)[0]
 
 
 def solved_as(simulator: Simulator, shape: Shape) -> Shape:
     """Return the Shape that another simulator finds from one, where that is held."""
-    if isinstance(simulator, DirectSimulator):
-        return simulator.solve(shape.gripper, shape, holds=shape.holds)
-    return simulator.solve(shape.gripper, shape)
+    return simulator.solve(shape.gripper, shape, holds=shape.holds)
 
 
 def _follows(before: Shape, shape: Shape, change: float) -> bool:

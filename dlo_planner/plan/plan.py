@@ -30,7 +30,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, freeze, put
 from dlo_planner.pictured import Filmed
 from dlo_planner.plan.goals import DirectionAt, FrameAt, PositionAt, Residuals, Through
-from dlo_planner.plan.margin import least_margin, rating
+from dlo_planner.plan.margin import GripErrors, least_margin, rating, usual_uncertainty
 from dlo_planner.plan.path import GripperPath, held_after
 from dlo_planner.plan.stage import (
     GRIPPER,
@@ -74,7 +74,7 @@ _METRICS = (('position_error', 'm', 1), ('misalignment', 'rad', 1), ('clearance'
             ('margin', 'm', -1), ('stability', '', -1), ('residual', '', 1),
             ('bend_margin', '1/m', -1), ('yield_utilization', '', 1),
             ('insertion_force', 'N', 1), ('largest_force', 'N', 1), ('largest_moment', 'N m', 1),
-            ('plug_force', 'N', 1), ('plug_moment', 'N m', 1))
+            ('plug_force', 'N', 1), ('plug_moment', 'N m', 1), ('friction_needed', '', 1))
 
 
 class PlanStatus(Enum):
@@ -299,12 +299,23 @@ class Plan(Filmed):
         return tuple(self._part(name, begin, end) for (name, begin), end in zip(
             starts, [*firsts[1:], len(self)], strict=True))
 
+    @property
+    def _changes_hands(self) -> bool:
+        """Whether something opens or closes on the way; a bore is no hand."""
+        return len(default_starts(self.shapes)) > 1 and not any(
+            hold.by == BORE for shape in self.shapes for hold in shape.holds)
+
     def _part(self, name: str, begin: int, end: int) -> Plan:
         """Return the waypoints from `begin` on, before `end`, as a stage alone."""
         part = {field: getattr(self, field)[begin:end] for field in PER_WAYPOINT}
         part['times'] = part['times'] - part['times'][0]
-        return replace(self, **part, starts=((name, 0),), stops=tuple(
+        made = replace(self, **part, starts=((name, 0),), stops=tuple(
             stop - begin for stop in self.stops if begin < stop < end - 1))
+        if self._changes_hands:  # what they are off by depends on where they closed
+            margin = self.margin[begin:end].copy()
+            freeze(margin)
+            put(made, margin=margin)
+        return made
 
     @property
     def metrics(self) -> tuple[Metric, ...]:
@@ -452,10 +463,19 @@ class Plan(Filmed):
 
         The least of the `clearances` less two standard deviations of the DLO's miss there, across
         itself, to first order under the `uncertainty`; below 0 it misses the hole too often. What
-        else holds the DLO is off as the gripper is, by an error of its own. nan where there is no
-        size of a cut-out, or the DLO is held in a bore or touches something.
+        else holds the DLO is off as the gripper is, by an error of its own; a hand that closes on
+        the way, by what the DLO is off where it takes it. nan where there is no size of a cut-out,
+        or the DLO is held in a bore or touches something.
         """
-        margin = np.array([_margin_at(self, k) for k in range(len(self))])
+        errors, found = None, list[float]()
+        rods = [shape.rod for shape in self.shapes]
+        if self._changes_hands and rods[0] is not None and None not in rods:
+            errors = GripErrors(self.uncertainty or usual_uncertainty(rods[0]))
+        for k, shape in enumerate(self.shapes):
+            if errors is not None:
+                errors.follow(shape)
+            found.append(_margin_at(self, k, errors))
+        margin = np.array(found)
         freeze(margin)
         return margin
 
@@ -468,6 +488,11 @@ class Plan(Filmed):
     def largest_force(self) -> Floats:
         """(n,) largest force of the gripper or a hold, N, as `wrenches` have it."""
         return _largest(self.wrenches[:, :, :3])
+
+    @property
+    def friction_needed(self) -> Floats:
+        """(n,) friction coefficient by which all contacts hold; nan where it touches nothing."""
+        return np.array([friction_needed(shape) for shape in self.shapes])
 
     @property
     def largest_moment(self) -> Floats:
@@ -508,10 +533,10 @@ def _largest(vectors: Floats) -> Floats:
     return np.fmax.reduce(sizes, axis=1) if len(sizes) else np.zeros(0)
 
 
-def _margin_at(plan: Plan, k: int) -> float:
+def _margin_at(plan: Plan, k: int, errors: GripErrors | None = None) -> float:
     """Return the margin of a waypoint, m, as `Plan.margin`."""
     return least_margin(plan.uncertainty, plan.shapes[k], [s for _, s, _ in plan.via_points[k]],
-                        plan.clearances[k])
+                        plan.clearances[k], errors)
 
 
 def least_rating(plan: Plan, waypoints: Ints, room: float) -> float:
@@ -622,12 +647,29 @@ def in_stages(plans: Sequence[Plan], names: Sequence[str], speeds: tuple[float, 
     for name in ('depths', 'misalignment', 'position_error', 'insertion_force', 'clearance',
                  'yield_utilization', 'plug_wrenches'):
         columns[name] = np.array(columns[name])
-    columns['times'] = times_at_speed(columns['grippers'], *speeds, arms.values())
+    # the gripper of a DLO that two hands hold alone is now this, now that one: no arm goes there
+    ways = [*arms.values()] if any(map(_in_hands, columns['shapes'])) else [
+        columns['grippers'], *arms.values()]
+    columns['times'] = times_at_speed(ways[0], *speeds, ways[1:])
     columns['clearances'] = padded_clearances(columns['clearances'])
     return Plan(
         **columns, sheets=last.sheets, fraction=1.0, status=last.status, stops=tuple(sorted(stops)),
         uncertainty=last.uncertainty, starts=tuple(zip(names, firsts, strict=False)),
         wrench_limits=last.wrench_limits)
+
+
+def friction_needed(shape: Shape) -> float:
+    """Return the largest friction over force of the contacts of a Shape; nan: it touches nothing.
+
+    With a coefficient of that size or more, all contacts bear these forces.
+    """
+    return max((float(np.linalg.norm(one.friction)) / one.force for one in shape.contacts
+                if one.force > 0), default=np.nan)
+
+
+def _in_hands(shape: Shape) -> bool:
+    """Whether the gripper of a Shape is one of the hands that hold it, under a name of its own."""
+    return any(hold.s is not None and hold.s == grasped_at(shape) for hold in shape.holds)
 
 
 def _least(one: Sequence[float | None],

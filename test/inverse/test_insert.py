@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from references.kirchhoff import true_rod
 from scipy.optimize import lsq_linear
 from sweeps.cutouts import MESHES, inserted, largest_step, random_bore
 
@@ -19,6 +20,7 @@ from dlo_planner import (
     Plan,
     Pose,
     Rod,
+    Sphere,
     replay,
 )
 from dlo_planner.inverse.continuation import Step
@@ -373,3 +375,84 @@ def _rubbed_by_scipy(simulator, outside, depth, room, friction, push):
         if np.abs(force - last)[1:].max() <= 1e-3 * np.abs(force).max():
             return force[0]
     raise AssertionError('not found')
+
+
+# a soft wire, w L^3/EI = 88, at a bore as wide as eight of its diameters, and as deep as one
+SOFT = Rod(1.0, 0.05, 0.05 * 9.81 / 88, 0.8 * 0.05 * 9.81 / 88, radius=4e-3)
+WIDE = CutOut(Pose.looking_along((0, 0, 1), (1, 0, -0.9)), radius=34e-3)
+OBLIQUELY = np.linspace(0, 8e-3, 6)
+
+
+@pytest.fixture(scope='module')
+def oblique():
+    """Return the simulator and the plan of SOFT, which goes obliquely into WIDE."""
+    direct = DirectSimulator(SOFT, basis='local', n_elements=64)
+    return direct, InverseSimulator(direct).insert(WIDE, depths=OBLIQUELY, friction=0.3)
+
+
+def test_a_soft_dlo_hangs_obliquely_into_a_bore_that_is_wide_for_its_depth(oblique):
+    direct, plan = oblique
+    with pytest.raises(Infeasible) as refused:  # along the bore it does not stay
+        InverseSimulator(direct).insert(WIDE, depths=OBLIQUELY, max_misalignment=0)
+    assert refused.value.constraint == 'stability' and 'obliquely' not in str(refused.value)
+    np.testing.assert_array_equal(plan.depths, OBLIQUELY)
+    assert 0.5 < plan.misalignment.max() < 1.2 and plan.stability.min() > 0.1
+    room = WIDE.radius - SOFT.radius
+    assert (plan.clearance > 0).all() and (plan.clearance < room).all()
+    assert (plan.margin > 0.2 * room).all()
+    # nothing but the gripper holds it; it touches nothing, so nothing rubs
+    assert all(not shape.holds and not shape.contacts for shape in plan.shapes)
+    assert (plan.insertion_force == 0).all() and set(plan.insertion_status) == {'found'}
+    report = replay(direct, plan)
+    assert report.converged and report.clearance > 0.9 * plan.clearance.min()
+
+
+def test_what_is_inside_a_wide_bore_keeps_clear_of_its_walls(oblique):
+    _, plan = oblique
+    normal, s = WIDE.normal, np.linspace(0.9, 1, 2001)
+    around = np.linspace(0, 2 * np.pi, 361)
+    _, y, z = np.array(WIDE.pose.rotation).T
+    rim = WIDE.radius * (np.cos(around)[:, None] * y + np.sin(around)[:, None] * z)
+    for depth, shape, clearance in zip(plan.depths, plan.shapes, plan.clearance, strict=True):
+        true = true_rod(SOFT, shape.gripper, shape)  # at the nodes of the shape
+        assert np.linalg.norm(true - shape.positions, axis=1).max() < 1e-3 * SOFT.length
+        away = shape.positions_at(s) - WIDE.center
+        along = away @ normal
+        across = np.linalg.norm(away - along[:, None] * normal, axis=1)
+        # half of what is inside is in the middle; the tip is as deep as its tilt leaves
+        middle = shape.positions_at([1 - 0.5 * depth])[0] - WIDE.center
+        np.testing.assert_allclose(middle, 0.5 * depth * normal, atol=1e-7)
+        assert along[-1] <= depth + 1e-9
+        inside = (along > 0) & (along < OBLIQUELY[-1])
+        if inside.any():
+            assert WIDE.radius - across[inside].max() - SOFT.radius > clearance - 1e-5
+        assert (along[s < 1 - 0.5 * depth - WIDE.radius / 2] < 0).all()
+        # what is least is the distance from the circle of the mouth
+        away = away[np.abs(along) < WIDE.radius]
+        apart = np.linalg.norm(away[:, None] - rim, axis=2).min() - SOFT.radius
+        assert clearance == pytest.approx(apart, abs=1e-5)
+
+
+def test_a_bore_that_is_deep_for_its_width_leaves_no_room_for_a_tilt(oblique):
+    direct, _ = oblique
+    inverse = InverseSimulator(direct)
+    with pytest.raises(Infeasible, match='obliquely: ') as refused:
+        inverse.insert(WIDE, depths=np.linspace(0, 0.2, 4))
+    assert refused.value.constraint == 'stability'
+    tight = CutOut(WIDE.pose, radius=1.1 * SOFT.radius)
+    for hole, options in ((tight, {}), (CutOut(WIDE.pose), {}), (WIDE, {'hold_at': 0.05})):
+        with pytest.raises(Infeasible) as refused:  # none is looked for
+            inverse.insert(hole, depths=np.linspace(0, 0.05, 4), **options)
+        assert 'obliquely' not in str(refused.value)
+    with pytest.raises(Infeasible):
+        inverse.insert(WIDE, depths=OBLIQUELY, max_misalignment=0.1)
+    with pytest.raises(InvalidTask, match='max_misalignment = 2: expected'):
+        inverse.insert(WIDE, max_misalignment=2)
+
+
+def test_what_is_in_the_way_of_an_oblique_insertion_refuses_it(oblique):
+    direct, plan = oblique
+    ball = Sphere(plan.shapes[-1].positions_at([0.5])[0], 0.02, name='lamp')
+    with pytest.raises(Infeasible, match='lamp') as refused:
+        InverseSimulator(direct.with_obstacles([ball])).insert(WIDE, depths=OBLIQUELY)
+    assert refused.value.constraint == 'clearance'

@@ -202,6 +202,25 @@ def test_a_plan_in_stages_goes_on_when_it_is_told_that_the_hold_is_there(inside,
     assert 'this one of a Thread has one stage' in inside.trigger('next_stage').message
 
 
+def test_what_nothing_feeds_is_planned_and_proved_and_not_executed(inside, tell):
+    drain(inside.timed)
+    code, message, values = tell(ThreadInGrasps(HOLES[0], 0.3, hold_at=0.8, begins_free=True))
+    assert code == 0 and message.endswith(
+        'thread, stage 1 of 9; then close second at s = 0.9 m'), message
+    assert inside.status_of('proof', PATIENCE)[0] == 0
+    timed = inside.timed.get(timeout=PATIENCE)
+    while timed.joint_names == ['gripper']:  # of a plan before
+        timed = inside.timed.get(timeout=PATIENCE)
+    assert timed.joint_names == ['gripper', 'first']  # one hand, under both names
+    for point in timed.points:
+        assert point.transforms[0] == point.transforms[1]
+    answer = inside.trigger('execute')
+    assert not answer.success and 'and ~/next_stage when that is done' in answer.message
+    assert inside.trigger('next_stage').success
+    assert inside.status_of('next_stage')[0] == 0
+    assert inside.status_of('proof', PATIENCE)[0] == 0
+
+
 def test_a_proof_ends_with_a_message_of_its_own(inside, node, tell):
     code, _, values = tell(Thread(HOLES[0], DEPTHS))
     proof = inside.status_of('proof', PATIENCE)

@@ -8,8 +8,12 @@ there, as the DLO is. A hand opens where the other one alone would hold the DLO 
 so nothing falls: it bears nothing then. In between both draw the DLO through, slack by a little,
 and shift together so that the DLO keeps to the center of the hole.
 
+Where there is no second hand the rim may hold what has passed (`_OverTheRim`): the first one lays
+the DLO on it, where its friction and what feeds the DLO bear all of the weight, opens, closes
+farther back, lifts the DLO off and draws it on.
+
 Each stage is judged as every plan is, at its waypoints and between, with all of the DLO: from what
-feeds it to its free end.
+feeds it to its free end, or from one free end to the other.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
+from dlo_planner.direct.grasp import GraspedInside, grasped_at
 from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
@@ -29,15 +34,22 @@ from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import limit
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, number
+from dlo_planner.model.checks import flag, instance, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.holds import Hold, Holds, unreached
+from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose, angle_between, turned_by
 from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.margin import least_margin, rating, upright_room, usual_uncertainty
+from dlo_planner.plan.margin import (
+    GripErrors,
+    least_margin,
+    rating,
+    upright_room,
+    usual_uncertainty,
+)
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import Plan, PlanStatus, in_stages, truncate
 from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_at
@@ -64,6 +76,10 @@ _LOOSE = 4.0        # standard deviations of the hands' distance: what is less s
 _TAUT = 1e-4        # of the length between the hands: the least that is slack
 _FALLS = 1e-3       # of the length: how far the DLO may move where a hand opens
 _TAIL = 0.5         # of `grip_distance`: how much of the DLO is beyond the second hand at least
+# With the rim: part of the room by which the hand is lowered at once, how often; part of the weight
+# beyond the hole that it may bear where it is lowered far enough; how often it is led to where the
+# DLO comes to without it; part of the rim's friction that is not counted on
+_LOWER, _LOWERED, _BORNE, _LAID, _SURE = 0.25, 60, 0.05, 4, 0.1
 _VERTICAL = 1e-9    # of a unit vector: a normal that is nearer to the vertical has no across
 
 Step: TypeAlias = tuple[Shape, float]  # and the place of the DLO in the center, m
@@ -80,10 +96,12 @@ class ThreadInGrasps(Task):
 
     What is modelled: all of the DLO, under its own weight, from what feeds it. That holds its
     beginning, clamped, at `feed`, and stands still: a spool, a plugged connector. Between it and
-    the hands the DLO hangs freely, and is in the way like the rest. A DLO whose beginning is free
-    is none of this. The hands are arms of the plan, 'first' and 'second' (`Plan.arms`); its gripper
-    is the feed. The hands themselves are not looked at, nor the way of an open hand, which
-    `Plan.arms` has straight; the workspace holds for both, as for any gripper.
+    the hands the DLO hangs freely, and is in the way like the rest. With `begins_free` nothing
+    feeds it: it hangs from the hands alone, its beginning free, off the floor. The hands are arms
+    of the plan, 'first' and 'second' (`Plan.arms`). Its gripper is the feed; where nothing feeds
+    the DLO it is the hand that is nearer to the beginning, another one from stage to stage. The
+    hands themselves are not looked at, nor the way of an open hand, which `Plan.arms` has straight;
+    the workspace holds for both, as for any gripper.
 
     `Plan.events` tell which hand opens or closes before which of the `Plan.stages`;
     `Plan.stage_plans` are what is timed, replayed and executed one by one.
@@ -95,7 +113,8 @@ class ThreadInGrasps(Task):
     length : float
         How much of the DLO has passed in the end, m.
     feed : Pose or None
-        Where the DLO's beginning is held, x axis = tangent. If None, at `start`.
+        Where the DLO's beginning is held, x axis = tangent. If None, at `start`, unless it begins
+        free.
     hold_at : float or None
         Where the first hand holds the DLO at first, m from its beginning. If None, as far from the
         free end as leaves room in the hole.
@@ -109,6 +128,13 @@ class ThreadInGrasps(Task):
         The same for the moment, N m.
     clearance : float
         Least distance of the DLO from the sheet and all obstacles, m.
+    begins_free : bool
+        Whether the DLO's beginning hangs freely, and nothing feeds it.
+    on_rim : bool
+        Whether the rim holds what has passed while the hand goes back, instead of a second hand: by
+        the friction of the Sheet with this cut-out, which is among the obstacles. The DLO then has
+        to be fed, and touches the sheet. Where the rim does not hold it the task is refused
+        ('friction'); `Plan.friction_needed` says which friction it takes.
 
     Raises
     ------
@@ -125,12 +151,15 @@ class ThreadInGrasps(Task):
     max_force: float | None = None
     max_moment: float | None = None
     clearance: float = 0.0
+    begins_free: bool = False
+    on_rim: bool = False
 
     if TYPE_CHECKING:  # an integer is a number, too
         def __init__(self, cutout: CutOut, length: float, feed: Pose | None = None,
                      hold_at: float | None = None, stroke: float | None = None,
                      grip_distance: float = 0.05, max_force: float | None = None,
-                     max_moment: float | None = None, clearance: float = 0.0) -> None: ...
+                     max_moment: float | None = None, clearance: float = 0.0,
+                     begins_free: bool = False, on_rim: bool = False) -> None: ...
 
     def __post_init__(self) -> None:
         instance('cutout', self.cutout, CutOut)
@@ -138,6 +167,12 @@ class ThreadInGrasps(Task):
             raise InvalidTask(f'cutout = {self.cutout!r}: expected one with a radius, or a width '
                               'and height: hands go by the room in it')
         instance('feed', self.feed, Pose, optional=True)
+        if flag('begins_free', self.begins_free) and self.feed is not None:
+            raise InvalidTask(f'feed = {self.feed!r}: expected None with begins_free = True, where '
+                              'nothing feeds the DLO')
+        if flag('on_rim', self.on_rim) and self.begins_free:
+            raise InvalidTask('on_rim = True: expected False with begins_free = True: while the '
+                              'hand is open, something has to hold the beginning of the DLO')
         put(self, length=number('length', self.length, above=0, unit='m'),
             grip_distance=number('grip_distance', self.grip_distance, above=0, unit='m'),
             max_force=limit('max_force', self.max_force),
@@ -151,7 +186,10 @@ class ThreadInGrasps(Task):
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan, in stages."""
         instance('context', context, PlanContext)
-        feed = self.feed or instance('context.start', context.start, Pose)
+        feed = None if self.begins_free else (
+            self.feed or instance('context.start', context.start, Pose))
+        if self.on_rim:
+            return _OverTheRim(self, context, feed).plan()
         return _HandOverHand(self, context, feed).plan()
 
 
@@ -191,7 +229,7 @@ class _Pull(NamedTuple):
 class _HandOverHand:
     """Makes the stages of a ThreadInGrasps one after the other."""
 
-    def __init__(self, task: ThreadInGrasps, context: PlanContext, feed: Pose) -> None:
+    def __init__(self, task: ThreadInGrasps, context: PlanContext, feed: Pose | None) -> None:
         rod = context.rod
         self._task, self._context, self._feed = task, context, feed
         self._length, self._gap = rod.length, task.grip_distance
@@ -214,6 +252,8 @@ class _HandOverHand:
             across = np.array(task.cutout.pose.rotation[:, 1])
         self._across: Floats = across / np.linalg.norm(across)  # about which hands pitch
         self._plans, self._names = list[Plan](), list[str]()
+        self._inside = dict[float, GraspedInside]()  # by where the hand holds the DLO, m
+        self._errors = GripErrors(self._uncertainty)  # of the grips, until the last stage ends
 
     def plan(self) -> Plan:
         """Return the Plan, or raise Infeasible that says which stage there is none of."""
@@ -234,13 +274,13 @@ class _HandOverHand:
             at = self._length - passed
             second, pulls = at + self._gap, self._pulls(at, wanted - passed)
             shape = self._handed_over(shape, first, second, at, f'hand over {number_}')
-            shape = self._alone(shape, second, SECOND, at, f'second alone {number_}')
+            shape = self._alone(shape, SECOND, at, f'second alone {number_}')
             shape, pull = self._drawn_somehow(shape, second, at, pulls, f'pull {number_}')
             first, passed = second - pull.apart, passed + pull.apart - 2 * self._gap
             if passed < wanted - _EXACT * self._length:
                 at = self._length - passed
                 shape = self._handed_back(shape, first, second, at, f'lower {number_}')
-                shape = self._alone(shape, first, FIRST, at, f'first alone {number_}')
+                shape = self._alone(shape, FIRST, at, f'first alone {number_}')
 
     # ---- the free end -----------------------------------------------------------------------
 
@@ -291,13 +331,15 @@ class _HandOverHand:
     def _threaded(self, front: Plan, first: float) -> Shape:
         """Add the stage in which the first hand alone threads the free end; return its end."""
         holds = [_held(first, pose, FIRST) for pose in front.grippers]
-        for there in holds:
-            said = unreached(there, self._feed, self._length, True)
-            if said:
-                raise InvalidTask(f'feed = {self._feed!r}: expected a place from which the DLO '
-                                  f'reaches the hole: {said}')
+        if self._feed is not None:
+            for there in holds:
+                said = unreached(there, self._feed, self._length, True)
+                if said:
+                    raise InvalidTask(f'feed = {self._feed!r}: expected a place from which the DLO '
+                                      f'reaches the hole: {said}')
         found = list[Step]()
-        shape = self._simulator.solve(self._feed, holds=holds[0])
+        shape = (self._grasped(first).solve(front.grippers[0], holds=holds[0])
+                 if self._feed is None else self._simulator.solve(self._feed, holds=holds[0]))
         for there, depth in zip(holds, front.depths.tolist(), strict=True):
             shape = self._followed('thread', found, shape, there)
             found.append((shape, self._length - depth))
@@ -353,15 +395,14 @@ class _HandOverHand:
                              _hands_of(alone, 0.0, second - first), at)
         return self._judged(name, found)
 
-    def _alone(self, shape: Shape, s: float, by: str, at: float, name: str) -> Shape:
-        """Add the stage in which one hand holds the DLO alone; return that shape."""
+    def _alone(self, shape: Shape, by: str | None, at: float, name: str) -> Shape:
+        """Add the stage in which one hand holds the DLO alone, or none; return that shape."""
         held = tuple(hold for hold in shape.holds if hold.by == by)
-        found = self._simulator.track([self._feed], initial=shape, holds=held)[0]
+        found = self._held_on(shape, held)
         moved = apart(shape, found) if found.converged and not found.jumped else np.inf
         if not moved < _FALLS * self._length:
-            builder = PlanBuilder([self._length - at], self._demands, f'{name}: waypoint')
-            raise builder.refusal('continuity', moved, f'where the other hand opens the DLO would '
-                                  f'move by {moved:.3g} m')
+            raise self._builder(name, [(found, at)]).refusal(
+                'continuity', moved, f'where the hand opens the DLO would move by {moved:.3g} m')
         return self._judged(name, [(found, at)])
 
     def _second_alone(self, shape: Shape, second: float, at: float, name: str) -> Shape:
@@ -369,17 +410,19 @@ class _HandOverHand:
         pose = next(hold.pose for hold in shape.holds if hold.by == SECOND)
 
         def solved(pose: Pose, before: Shape | None) -> Shape:
-            return self._simulator.track([self._feed], initial=before or shape,
-                                         holds=_held(second, pose, SECOND))[0]
+            return self._held_on(before or shape, _held(second, pose, SECOND))
 
-        return self._best_pitch(solved, pose, at, self._holes, name, SECOND)
+        errors = self._errors.copy()
+        errors.follow(shape)
+        return self._best_pitch(solved, pose, at, self._holes, name, SECOND, errors)
 
     def _best_pitch(self, solved: Callable[[Pose, Shape | None], Shape], pose: Pose, at: float,
-                    holes: Holes, name: str, by: str) -> Shape:
+                    holes: Holes, name: str, by: str,
+                    errors: GripErrors | None = None) -> Shape:
         """Return the Shape with the most margin of a DLO that a hand alone holds near the hole.
 
         It pitches about the center, in the plane of normal and weight, from a Pose on. `solved`:
-        the Shape in a Pose, from another.
+        the Shape in a Pose, from another; `errors`: of the hand before that, if not its own.
         """
         best: tuple[float, Shape] | None = None
         for sign in (1.0, -1.0):
@@ -397,7 +440,10 @@ class _HandOverHand:
                     here = _shifted(here, off)
                 if found.converged and found.frame_at(at)[0][:, 0] @ self._normal > 0:
                     rooms = holes.passed(Waypoint(found)).clearances
-                    margin = least_margin(self._uncertainty, found, [at], rooms)
+                    here_off = errors and errors.copy()
+                    if here_off is not None:
+                        here_off.follow(found)
+                    margin = least_margin(self._uncertainty, found, [at], rooms, here_off)
                     if best is None or margin > best[0]:
                         best = margin, found
                 here = Pose.from_rotation(self._center + turn @ (here.position - self._center),
@@ -537,8 +583,7 @@ class _HandOverHand:
                 hands = goal.shifted(here.first.position - goal.first.position)
             else:
                 shape, hands = self._pulled(
-                    lambda hands, before: self._simulator.track(
-                        [self._feed], initial=before, holds=_both(places, hands))[0],
+                    lambda hands, before: self._held_on(before, _both(places, hands)),
                     hands, (steps or found)[-1][0], far, at)
             steps.append((self._centered(name, [*found, *steps], places, hands, at), at))
         return steps
@@ -557,12 +602,33 @@ class _HandOverHand:
 
     def _closed(self, shape: Shape, places: tuple[float, float], hands: _Hands) -> Shape:
         """Return the same Shape once both hands hold it, as it is."""
-        return self._simulator.track([self._feed], initial=shape, holds=_both(places, hands))[0]
+        return self._held_on(shape, _both(places, hands))
+
+    def _held_on(self, before: Shape, holds: Holds) -> Shape:
+        """Return the Shape in which the DLO follows what holds it, from the Shape before.
+
+        Where nothing feeds it, and another hand is the one that is nearer to the beginning than
+        was before, the DLO stays where that hand takes it.
+        """
+        if self._feed is not None:
+            return self._simulator.track([self._feed], initial=before, holds=holds)[0]
+        at = holds[0].s
+        assert at is not None  # hands hold places
+        simulator = self._grasped(at)
+        if grasped_at(before) != at:
+            return simulator.taken(before, holds)
+        return simulator.track([holds[0].pose], initial=before, holds=holds)[0]
+
+    def _grasped(self, at: float) -> GraspedInside:
+        """Return the simulator of the DLO whose beginning is free, held at `at`, m."""
+        if at not in self._inside:
+            self._inside[at] = GraspedInside.of(self._simulator, at)
+        return self._inside[at]
 
     def _followed(self, name: str, found: Sequence[Step], before: Shape, holds: Holds) -> Shape:
         """Return the Shape in which the DLO follows, or raise Infeasible."""
         self._context.progress.check()
-        shape = self._simulator.track([self._feed], initial=before, holds=holds)[0]
+        shape = self._held_on(before, holds)
         if shape.converged and not shape.jumped:
             return shape
         builder = self._builder(name, [*found, (shape, found[-1][1] if found else self._length)])
@@ -577,21 +643,26 @@ class _HandOverHand:
 
     def _judged(self, name: str, found: Sequence[Step], stops: Sequence[int] = ()) -> Shape:
         """Add a stage that keeps all demands, at its waypoints and between; return its end."""
-        builder = self._builder(name, found)
+        errors = self._errors.copy()
+        builder = self._builder(name, found, errors)
         for k, (shape, at) in enumerate(found):
             builder.check()
+            errors.follow(shape)
             builder.add(self._waypoint(shape, at))
             if k in stops:
                 builder.stop()
         stage = builder.finished()
         self._check_workspace(stage, name)
+        self._errors = errors
         self._plans.append(stage)
         self._names.append(name)
         return found[-1][0]
 
-    def _builder(self, name: str, found: Sequence[Step]) -> PlanBuilder:
-        return PlanBuilder([self._length - at for _, at in found], self._demands,
-                           f'{name}: waypoint')
+    def _builder(self, name: str, found: Sequence[Step],
+                 errors: GripErrors | None = None) -> PlanBuilder:
+        held, demands = grasped_at(found[0][0]), replace(self._demands, errors=errors)
+        demands = demands if held is None else demands.made_with(self._grasped(held))
+        return PlanBuilder([self._length - at for _, at in found], demands, f'{name}: waypoint')
 
     def _waypoint(self, shape: Shape, at: float) -> Waypoint:
         """Return the Waypoint of a Shape whose place at `at`, m, is in the center."""
@@ -631,6 +702,181 @@ class _HandOverHand:
                 raise Infeasible(f'{name}: waypoint {place}: the {arm} hand comes {amount:.3g} m '
                                  f'beyond {where}', place, where, amount,
                                  truncate(stage, place, PlanStatus.PARTIAL))
+
+
+class _OverTheRim(_HandOverHand):
+    """Makes the stages of a ThreadInGrasps with one hand, while the rim holds what has passed."""
+
+    def __init__(self, task: ThreadInGrasps, context: PlanContext, feed: Pose | None) -> None:
+        super().__init__(task, context, feed)
+        rims = [one for one in context.simulator.obstacles
+                if isinstance(one, Sheet) and task.cutout in one.cutouts and one.friction]
+        if not rims:
+            raise InvalidTask('on_rim = True: expected a Sheet with this cut-out and a friction '
+                              'among the obstacles, whose rim holds the DLO')
+        self._rim = rims[0]
+        # the forces that are found are within what the rim bears, by as much as is not sure
+        self._touching = self._simulator.with_obstacles([replace(
+            self._rim, friction=(1 - _SURE) * float(rims[0].friction or 0.0))])
+        self._beside = replace(
+            self._demands, obstacles=tuple(one for one in self._demands.obstacles
+                                           if one is not self._rim), touched=(self._rim,),
+            simulator=self._touching, margin=None)
+        self._lies = False  # in the stage that is being made
+
+    def _hand_over_hand(self) -> None:
+        """Make all stages."""
+        front, first = self._front()
+        shape, passed, wanted = self._threaded(front, first), float(front.depths[-1]), (
+            self._task.length)
+        number_ = 0
+        while passed < wanted - _EXACT * self._length:
+            number_ += 1
+            at = self._length - passed
+            shape = self._laid(shape, first, at, f'lay {number_}')
+            shape = self._left(shape, at, f'rim alone {number_}')
+            shape, first, stroke = self._drawn_on(shape, at, wanted - passed, number_)
+            passed += stroke
+
+    def _laid(self, shape: Shape, first: float, at: float, name: str) -> Shape:
+        """Add the stage in which the hand lays the DLO on the rim, until it bears nothing."""
+        self._lies = True
+        frame, place = shape.frame_at(first)
+        gravity = np.asarray(self._simulator.surroundings.gravity)
+        down = gravity / np.linalg.norm(gravity)
+        found = [(self._held_on(shape, _held(first, Pose.from_rotation(place, frame), FIRST)), at)]
+        for _ in range(_LOWERED):
+            there = found[-1][0]
+            if there.contacts and there.wrenches[0, :3] @ down > -_BORNE * self._weight * (
+                    self._length - at):
+                break
+            frame, place = there.frame_at(first)
+            pose = Pose.from_rotation(place + _LOWER * self._room * down, frame)
+            found.append((self._followed(name, found, there, _held(first, pose, FIRST)), at))
+        for _ in range(_LAID):
+            there = found[-1][0]
+            left = self._held_on(there, ())
+            self._check_rests(left, at, name)
+            frame, place = left.frame_at(first)
+            found += self._led(name, found, first, Pose.from_rotation(place, frame), at)
+            if apart(self._held_on(found[-1][0], ()), found[-1][0]) < _FALLS * self._length:
+                break
+        return self._judged(name, found)
+
+    def _left(self, shape: Shape, at: float, name: str) -> Shape:
+        """Add the stage in which the rim, and what feeds the DLO, hold it alone."""
+        self._check_rests(self._held_on(shape, ()), at, name)
+        return self._alone(shape, None, at, name)
+
+    def _check_rests(self, shape: Shape, at: float, name: str) -> None:
+        """Raise Infeasible where a DLO that no hand holds does not rest on the rim."""
+        if not shape.converged or not shape.contacts or (
+                (shape.positions[-1] - self._center) @ self._normal <= 0):
+            raise self._builder(name, [(shape, at)]).refusal(
+                'friction', apart(self._plans[-1].shapes[-1], shape), 'the rim does not hold what '
+                f'has passed: with {1 - _SURE:.0%} of its friction the DLO would slide off', 'm')
+
+    def _drawn_on(self, shape: Shape, at: float, left: float,
+                  count: int) -> tuple[Shape, float, float]:
+        """Add the stages in which the hand closes farther back, lifts the DLO and draws it on.
+
+        Returns its end, where the hand holds it, m, and how much has passed, m.
+        """
+        refused: Infeasible | None = None
+        for parts in range(1, _MOST_PULLS + 1):
+            stroke = left / parts
+            first = at - stroke - self._gap
+            if self._task.stroke is not None and stroke > self._task.stroke * (1 + _EXACT) or (
+                    not first > self._gap):
+                continue
+            kept, errors = len(self._plans), self._errors
+            try:
+                lifted = self._lifted(shape, first, at, f'lift {count}')
+                return self._pushed(lifted, first, at, stroke, f'pull {count}'), first, stroke
+            except Infeasible as error:
+                refused = refused or error
+                del self._plans[kept:], self._names[kept:]
+                self._errors = errors
+        if refused is None:
+            raise InvalidTask(f'stroke = {self._task.stroke!r}: expected at least '
+                              f'{left / _MOST_PULLS:.4g} m: {left:.4g} m are to pass, and more '
+                              f'than {_MOST_PULLS} pulls are not tried')
+        raise refused
+
+    def _lifted(self, shape: Shape, first: float, at: float, name: str) -> Shape:
+        """Add the stage in which the hand takes the DLO and lifts it off the rim to the center."""
+        self._lies = True
+        frame, place = shape.frame_at(first)
+        pose = Pose.from_rotation(place, frame)
+        found = [(self._held_on(shape, _held(first, pose, FIRST)), at)]
+        goal = self._alone_before(first, at, name).gripper
+        found += self._led(name, found, first, goal, at)
+        return self._judged(name, found)
+
+    def _pushed(self, shape: Shape, first: float, at: float, stroke: float, name: str) -> Shape:
+        """Add the stage in which the hand alone draws the DLO on, up to the sheet."""
+        self._lies = False
+        ways = (shape.frame_at(first)[0], self._alone_before(
+            first, at - stroke, name).gripper.rotation)
+        found = [(self._held_on(shape, shape.holds), at)]
+        count = int(np.ceil(max(angle_between(*ways) / _TURN,
+                                stroke / (_SHIFT * self._length))))
+        for share in np.linspace(0, 1, count + 1)[1:].tolist():
+            place, there = at - share * stroke, found[-1][0]
+            here = Pose.from_rotation(there.frame_at(first)[1], partway(*ways, share))
+            for _ in range(_CENTERINGS):
+                there = self._followed(name, found, there, _held(first, here, FIRST))
+                off = self._center - there.frame_at(place)[1]
+                if np.linalg.norm(off) < _EXACT * self._length:
+                    break
+                here = _shifted(here, off)
+            found.append((there, place))
+        return self._judged(name, found)
+
+    def _alone_before(self, first: float, at: float, name: str) -> Shape:
+        """Return the Shape of the part in front of the hand, which alone holds the DLO at `first`.
+
+        `at`, m, is in the center, with the most margin of all pitches.
+        """
+        part = self._simulator.part(first, 1)
+
+        def solved(pose: Pose, before: Shape | None) -> Shape:
+            return part.solve(pose) if before is None else part.track([pose], initial=before)[0]
+
+        pose = Pose.from_rotation(self._center - (at - first) * self._normal,
+                                  self._task.cutout.pose.rotation)
+        return self._best_pitch(solved, pose, at - first, self._holes_of(part), name, FIRST)
+
+    def _led(self, name: str, found: Sequence[Step], first: float, goal: Pose,
+             at: float) -> list[Step]:
+        """Return the Steps in which the hand leads the DLO straight to a Pose."""
+        frame, place = found[-1][0].frame_at(first)
+        way, steps = goal.position - place, list[Step]()
+        count = max(1, int(np.ceil(max(angle_between(frame, goal.rotation) / _TURN, float(
+            np.linalg.norm(way)) / (_SHIFT * self._length)))))
+        for share in np.linspace(0, 1, count + 1)[1:].tolist():
+            pose = Pose.from_rotation(place + share * way, partway(frame, goal.rotation, share))
+            before = (steps or found)[-1][0]
+            steps.append((self._followed(name, [*found, *steps], before,
+                                         _held(first, pose, FIRST)), at))
+        return steps
+
+    def _held_on(self, before: Shape, holds: Holds) -> Shape:
+        """Return the Shape in which the DLO follows what holds it; on the rim it may lie."""
+        assert self._feed is not None  # else there is no such task
+        simulator = self._touching if self._lies else self._simulator
+        return simulator.track([self._feed], initial=before, holds=holds)[0]
+
+    def _builder(self, name: str, found: Sequence[Step],
+                 errors: GripErrors | None = None) -> PlanBuilder:
+        if not self._lies:
+            return super()._builder(name, found, errors)
+        return PlanBuilder([self._length - at for _, at in found], self._beside,
+                           f'{name}: waypoint')
+
+    def _waypoint(self, shape: Shape, at: float) -> Waypoint:
+        """Return the Waypoint of a Shape; one that may lie on the rim has no room beside it."""
+        return Waypoint(shape) if self._lies else super()._waypoint(shape, at)
 
 
 def _held(s: float, pose: Pose, by: str) -> Holds:
