@@ -18,8 +18,10 @@ from dlo_planner.direct.modes import MOST_MODES, SPARE, Linearized, Modes, conti
 from dlo_planner.direct.section_forces import SectionForces, section_forces
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.direct.touches import Touch, touches_of
+from dlo_planner.energy.strands import Strands, bears, nearest_points
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import folded, frame_along, positions_along
+
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import (
@@ -126,6 +128,63 @@ def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tup
             friction=friction, penetration=depth)
         found.append(contact)
     return tuple(found)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SelfContact(Value):
+    """One place where a DLO touches itself.
+
+    Attributes
+    ----------
+    s : float
+        Arc length of the place, m.
+    other_s : float
+        Arc length of the place beyond it that it touches, m.
+    position : ndarray, shape (3,)
+        Point of the DLO's axis at s, on the chord of its element, m, world.
+    normal : ndarray, shape (3,)
+        Unit vector from the axis at other_s to that at s.
+    force : float
+        Force in N, along the normal, on the DLO at s, > 0; at other_s acts its opposite.
+    penetration : float
+        By how much the axes are nearer than both radii, m, >= 0.
+    """
+
+    s: float
+    other_s: float
+    position: np.ndarray
+    normal: np.ndarray
+    force: float
+    penetration: float
+
+    def __post_init__(self) -> None:
+        put(self, **{name: figure(f'SelfContact.{name}', getattr(self, name))
+                     for name in ('s', 'other_s', 'force', 'penetration')},
+            **{name: results(f'SelfContact.{name}', getattr(self, name), (3,))
+               for name in ('position', 'normal')})
+        super().__post_init__()
+
+    def __repr__(self) -> str:
+        return brief(self, f's {self.s:.4g} m', f'other_s {self.other_s:.4g} m',
+                     f'force {self.force:.3g} N', f'penetration {self.penetration:.2g} m')
+
+
+def self_contacts_of(s: Floats, positions: Floats,
+                     strands: Strands) -> tuple[tuple[SelfContact, ...], float]:
+    """Return the SelfContacts, by arc length, of nodes s (N + 1,), and the largest depth, m."""
+    found, deepest, lengths = [], 0.0, np.diff(s)
+    for p, (i, j) in enumerate(strands.pair.tolist()):
+        a, b, distance = nearest_points(lengths, positions, i, j)
+        force = float(bears(strands, p, distance))
+        depth = max(float(strands.pair_reach[p]) - distance, 0.0)
+        deepest = max(deepest, depth)
+        if force > 0.0:
+            place, away = ((1.0 - t) * positions[e] + t * positions[e + 1]
+                           for e, t in ((i, a), (j, b)))
+            apart = place - away
+            found.append(SelfContact(s[i] + a * lengths[i], s[j] + b * lengths[j], place,
+                                     apart / np.linalg.norm(apart), force, depth))
+    return tuple(sorted(found, key=lambda one: (one.s, one.other_s))), deepest
 
 
 class Feed(NamedTuple):
@@ -256,6 +315,8 @@ class Shape(Pictured):
         Energy lost to plastic deformation so far, J.
     parts : tuple or None
         The two Shapes of a DLO grasped inside (`GraspedInside`), else None.
+    self_contacts : tuple
+        The SelfContacts, in the order of s, of a simulator with `self_contact`.
     passed_itself : bool or float
         Whether the DLO would pass through itself on the way from the shape before, straight seen
         from the gripper; of a motion, since it began. Nothing holds its pieces off each other: a
@@ -288,6 +349,7 @@ class Shape(Pictured):
     parts: tuple[Shape, ...] | None = None
     state: State = field(default=UNKNOWN, metadata={'opaque': True})
     passed_itself: bool | float = False
+    self_contacts: tuple[SelfContact, ...] = ()
 
     _REMEMBERED = ('error_estimate',)
 
@@ -299,13 +361,15 @@ class Shape(Pictured):
                  far_wrench: Floats | None = None, dissipated: float = 0.0,
                  parts: tuple[Shape, ...] | None = None, state: State = UNKNOWN,
                  passed_itself: bool | float = False, holds: Holds = (),
-                 wrenches: Floats = NO_WRENCHES) -> None:
+                 wrenches: Floats = NO_WRENCHES,
+                 self_contacts: tuple[SelfContact, ...] = ()) -> None:
         # written out: what a dataclass writes sets field by field, which takes as long as a step
         put(self, gripper=gripper, s=s, positions=positions, frames=frames,
             element_strains=element_strains, energy=energy, elastic_energy=elastic_energy,
             gripper_wrench=gripper_wrench, residual=residual, stability=stability,
             iterations=iterations, converged=converged, jumped=jumped, contacts=contacts,
             evaluations=evaluations, violation=violation, holds=holds, wrenches=wrenches,
+            self_contacts=self_contacts,
             dissipated=dissipated, parts=parts, state=state, passed_itself=passed_itself)
         if far_end is not None or far_wrench is not None:
             self._hold_far_end(far_end, far_wrench)
@@ -336,6 +400,7 @@ class Shape(Pictured):
             raise InvalidTask(f'Shape.s = {shown(s.tolist())}: expected arc lengths that grow '
                               'from 0')
         put(self, s=s, contacts=items('Shape.contacts', self.contacts, Contact),
+            self_contacts=items('Shape.self_contacts', self.self_contacts, SelfContact),
             **{name: array(f'Shape.{name}', getattr(self, name), (s.size, *size))
                for name, size in (('positions', (3,)), ('frames', (3, 3)))},
             holds=holds_of(None, self.holds, float(s[-1]), 'Shape.holds'),
@@ -694,6 +759,11 @@ class Shape(Pictured):
         distance, gap = self_distance(*self._kernel_arrays, radii, np.inf, np.inf)
         return float(distance), float(gap)
 
+    def _element_at(self, s: float) -> tuple[int, float]:
+        """Return the element in which an arc length is, and the part of it before that."""
+        e = int(np.clip(np.searchsorted(self.s, s, side='right') - 1, 0, self.s.size - 2))
+        return e, (s - float(self.s[e])) / float(self.s[e + 1] - self.s[e])
+
     @property
     def bent(self) -> Floats:
         """(N_L, 3) strains since the stress-free shape, permanent set included there, 1/m.
@@ -749,6 +819,12 @@ class Shape(Pictured):
         places = [one.s for one in self.contacts] + [
             place_of(hold, float(self.s[-1])) for hold in self.holds]
         wrenches = [[*one.vector, 0.0, 0.0, 0.0] for one in self.contacts] + [*self.wrenches]
+        for at, sign in (('s', 1.0), ('other_s', -1.0)):
+            for one in self.self_contacts:  # on the nodes of its element
+                e, t = self._element_at(getattr(one, at))
+                places += [self.s[e], self.s[e + 1]]
+                wrenches += [[*(sign * share * one.force * one.normal), 0.0, 0.0, 0.0]
+                             for share in (1.0 - t, t)]
         beside = bool(self.contacts) and Surface.of(mesh.rod).half is not None
         found = section_forces(mesh, self.frame_at, self.gripper_wrench[:3],
                                (np.array(places), np.reshape(wrenches, (-1, 6))),
