@@ -34,7 +34,8 @@ from dlo_planner.model.arrays import Floats, Ints
 SOFT = 1e-3        # of the squared length of a chord: chords at a smaller angle than its root, in
 #                    rad, are parallel
 ROWS = 5           # of a pair at most, see `put_rows`
-_DEEPEST = 0.5     # of the reach: strands that are nearer may pass through each other in a step
+_DEEPEST = 0.97    # of the reach: strands that a step leaves nearer are not known of yet
+_DEEP = 64         # pairs so deep in each other that are looked at
 _RIGHT = 0.5 * np.pi
 _NOTHING = 1e-12   # of the spring: weights below it change nothing
 
@@ -136,6 +137,19 @@ def add_forces(effect, system, state):
 
 
 @kernel
+def presses(effect, system, state):
+    """Whether any pair bears at a state."""
+    if effect is None:
+        return False
+    for p in range(effect.pair.shape[0]):
+        _, _, distance = nearest_points(system.lengths, state.positions, effect.pair[p, 0],
+                                        effect.pair[p, 1])
+        if bears(effect, p, distance) > 0.0:
+            return True
+    return False
+
+
+@kernel
 def roundoff(effect, system, state, length):
     """Return forces in N whose relative rounding errors those of pairs have."""
     if effect is None:
@@ -154,13 +168,16 @@ def forbids(effect, system, before, after):
     """Whether a strand passes through another on the way between two states, or nearly does."""
     if effect is None:
         return False
-    for p in range(effect.pair.shape[0]):
-        i, j = effect.pair[p, 0], effect.pair[p, 1]
-        _, _, distance = nearest_points(system.lengths, after.positions, i, j)
-        if distance < _DEEPEST * effect.pair_reach[p]:
-            _, _, known = nearest_points(system.lengths, before.positions, i, j)
-            if distance < known:
-                return True
+    lengths, radii = system.lengths, effect.strand_radius
+    deep = -(1.0 - _DEEPEST) * 2.0 * np.min(radii)
+    found = np.empty((_DEEP, 2), dtype=np.int64)
+    count = near_pairs(lengths, after.strains, after.positions, radii, deep, found)
+    for p in range(min(count, _DEEP)):
+        i, j = found[p, 0], found[p, 1]
+        _, _, distance = nearest_points(lengths, after.positions, i, j)
+        _, _, known = nearest_points(lengths, before.positions, i, j)
+        if distance < known:
+            return True
     return passes_itself(before.positions, after.positions)
 
 
