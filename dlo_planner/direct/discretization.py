@@ -379,8 +379,9 @@ class Discretization(Value):
     @cached_property
     def full(self) -> Problem:
         """The Problem with all that may act."""
-        full = self._with_terms(self.rod, self.surroundings.obstacles, self.section)
-        return full._replace(strands=no_strands(self.radii)) if self.touches_itself else full
+        if self.touches_itself:  # nothing else of what may act does
+            return self.free._replace(hold=self._no_holds, strands=no_strands(self.radii))
+        return self._with_terms(self.rod, self.surroundings.obstacles, self.section)
 
     @cached_property
     def held(self) -> Problem:

@@ -23,29 +23,32 @@ from dlo_planner.energy.strands import Strands, bears, near_pairs, nearest_point
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Floats, Ints
 
+_MORE = 5          # times the steps of a search: a DLO that falls winds itself up bit by bit
 _ROUGH = 1e-3      # residual
 _STEPS = 10        # of Newton's method until pairs are looked for anew
 _WATCHED = 0.5     # of the larger radius: pairs as near as that beyond both radii are looked at
-_FAR = 0.05        # of the length: what moves by more has fallen
-_EXACT = 1e-8      # of the length: depths aimed at
+_FALLEN = 1.5      # rad: what bends or twists by more in a step, in all, may have fallen
+_EXACT = 1e-7      # of the length: depths aimed at
 _SPRING = 30.0     # times EI / (r l^2), with l the mean length of elements: the springs
 
 
 def may_have_met(previous: Shape, shape: Shape) -> bool:
     """Return whether strands may have met on the way from one Shape to another, however it went.
 
-    They have not where each is farther from all others than both move, seen from the gripper.
+    They have not where each is farther from all others than both move, seen from the gripper. What
+    bends or twists by much has fallen, and may have made and lost a loop on its way.
     """
-    if bends_little(previous) and bends_little(shape):
-        return False
     mesh, places, strains = shape.state.made_on, previous.positions, previous.element_strains
     if not mesh.has_nodes(previous.s):
         places, strains = previous.positions_at(mesh.s), mesh.strains_from(previous.s, strains)
+    change = np.linalg.norm(shape.element_strains - strains, axis=1)
+    if float(mesh.free.lengths @ change) > _FALLEN:
+        return True
+    if bends_little(previous) and bends_little(shape):
+        return False
     before, after = ((one - one[0]) @ frame for one, frame in (
         (places, previous.frames[0]), (shape.positions, shape.frames[0])))
     moved = float(np.linalg.norm(after - before, axis=1).max())
-    if moved > _FAR * mesh.s[-1]:
-        return True  # nobody knows what lies between
     return any(len(_pairs(mesh.free.lengths, bends, one, mesh.radii, 2.0 * moved))
                for one, bends in ((before, strains), (after, shape.element_strains)))
 
@@ -79,7 +82,7 @@ def kept_apart(mesh: Discretization, memory: Memory, system: Problem, strains: F
             if check or not how.check:
                 return end
             check = True
-        elif iterations >= how.steps or not end.residual < np.inf:
+        elif iterations >= _MORE * how.steps or not end.residual < np.inf:
             return end
 
 

@@ -35,7 +35,8 @@ SOFT = 1e-3        # of the squared length of a chord: chords at a smaller angle
 #                    rad, are parallel
 ROWS = 5           # of a pair at most, see `put_rows`
 _DEEPEST = 0.97    # of the reach: strands that a step leaves nearer are not known of yet
-_DEEP = 64         # pairs so deep in each other that are looked at
+_DEEP = 0.99       # the same: strands that are nearer are pushed out before anything else
+_MANY = 64         # pairs in each other that are looked at
 _RIGHT = 0.5 * np.pi
 _NOTHING = 1e-12   # of the spring: weights below it change nothing
 
@@ -137,14 +138,14 @@ def add_forces(effect, system, state):
 
 
 @kernel
-def presses(effect, system, state):
-    """Whether any pair bears at a state."""
+def pushes_out(effect, system, state):
+    """Whether any strand is so deep in another that its spring alone says where it goes."""
     if effect is None:
         return False
     for p in range(effect.pair.shape[0]):
         _, _, distance = nearest_points(system.lengths, state.positions, effect.pair[p, 0],
                                         effect.pair[p, 1])
-        if bears(effect, p, distance) > 0.0:
+        if distance < _DEEP * effect.pair_reach[p]:
             return True
     return False
 
@@ -170,9 +171,9 @@ def forbids(effect, system, before, after):
         return False
     lengths, radii = system.lengths, effect.strand_radius
     deep = -(1.0 - _DEEPEST) * 2.0 * np.min(radii)
-    found = np.empty((_DEEP, 2), dtype=np.int64)
+    found = np.empty((_MANY, 2), dtype=np.int64)
     count = near_pairs(lengths, after.strains, after.positions, radii, deep, found)
-    for p in range(min(count, _DEEP)):
+    for p in range(min(count, _MANY)):
         i, j = found[p, 0], found[p, 1]
         _, _, distance = nearest_points(lengths, after.positions, i, j)
         _, _, known = nearest_points(lengths, before.positions, i, j)

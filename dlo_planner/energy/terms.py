@@ -189,7 +189,7 @@ class Coupling(Record):
     rows: Floats     # (R, m, 3) derivatives by the unknowns of what they couple
     answers: Floats  # (R, m, 3) H^-1 of them
     weights: Floats  # (R,) second derivatives of the potential by that, N/m
-    inverse: Floats  # (R, R) inverse of rows answers + 1 / weights
+    factor: Floats   # (R, R) factors of rows answers + 1 / weights
     used: Ints       # (1,) how many rows there are
 
 

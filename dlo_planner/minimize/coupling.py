@@ -17,8 +17,10 @@ from dlo_planner.energy.potential import project
 from dlo_planner.energy.strands import ROWS, pair_count, put_rows
 from dlo_planner.geometry.so3 import coefficients_in, columns_scaled, jacobians_with, matrix, times
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.dense import factorized
 from dlo_planner.minimize.kkt import add_to, dot, dots
 
+_LOST = 1e-13  # of the largest entry: with a pivot as small a factorization is of no use
 _NONE = 1e-12  # of the largest weight: smaller ones change nothing
 
 
@@ -87,28 +89,40 @@ def used_rows(coupling):
 
 @kernel
 def coupled(coupling):
-    """Fill the inverse from the answers; return how many negative eigenvalues the rows add to H."""
+    """Fill the factor from the answers; return how many negative eigenvalues the rows add to H."""
     if coupling is None:
         return 0
     used = coupling.used[0]
     if used == 0:
         return 0
-    negative, schur = 0, np.empty((used, used))
+    negative, schur, largest = 0, np.empty((used, used)), 0.0
     for row in range(used):
         for other in range(row + 1):
             schur[row, other] = dot(coupling.rows[row], coupling.answers[other])
             schur[other, row] = schur[row, other]
         schur[row, row] += 1.0 / coupling.weights[row]
+        largest = max(largest, abs(schur[row, row]))
         negative += coupling.weights[row] < 0.0
-    if not np.isfinite(schur).all():
-        coupling.inverse[:] = 0.0
-        return 3 * coupling.rows.shape[1]  # of no use: more than there are
-    values, vectors = np.linalg.eigh(schur)
-    for k in range(used):
-        negative -= values[k] < 0.0
-    scaled = vectors / values
-    coupling.inverse[:used, :used] = scaled @ vectors.T
+    factor = coupling.factor[:used, :used]
+    negative -= factorized(schur, factor, 0.0, used)
+    for row in range(used):
+        if not abs(factor[row, row]) > _LOST * largest:  # nor if it is not a number
+            return 3 * coupling.rows.shape[1]  # of no use: more than there are
     return negative
+
+
+@kernel
+def _solved(factor, right):
+    """Replace right (R,) by the solution with the factor L, D of `dense.factorized`."""
+    size = right.size
+    for i in range(size):
+        for k in range(i):
+            right[i] -= factor[i, k] * right[k]
+    for i in range(size - 1, -1, -1):
+        right[i] /= factor[i, i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i):
+            right[k] -= factor[i, k] * right[i]
 
 
 @kernel
@@ -120,11 +134,9 @@ def correct_for_pairs(coupling, out):
     missed = np.empty(used)
     for row in range(used):
         missed[row] = dot(coupling.rows[row], out)
+    _solved(coupling.factor, missed)
     for row in range(used):
-        factor = 0.0
-        for other in range(used):
-            factor += coupling.inverse[row, other] * missed[other]
-        add_to(out, -factor, coupling.answers[row])
+        add_to(out, -missed[row], coupling.answers[row])
 
 
 @kernel
@@ -136,8 +148,10 @@ def subtract_coupled(coupling, loads, products):
     moved = np.empty((used, size))
     for row in range(used):
         moved[row] = dots(loads, coupling.answers[row])
-    for row in range(used):
-        for other in range(used):
-            for i in range(size):
-                for k in range(size):
-                    products[i, k] -= moved[row, i] * coupling.inverse[row, other] * moved[other, k]
+    solved = np.empty(used)
+    for k in range(size):
+        solved[:] = moved[:, k]
+        _solved(coupling.factor, solved)
+        for i in range(size):
+            for row in range(used):
+                products[i, k] -= moved[row, i] * solved[row]

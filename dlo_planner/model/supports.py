@@ -17,7 +17,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, flag, instance, items, number, returned, vector
 from dlo_planner.model.holds import FarEnd  # noqa: F401  (where pickles of old look for it)
 from dlo_planner.model.obstacles import OBSTACLES, Mesh, Obstacle, Sheet
-from dlo_planner.model.rod import Rod, part_of_rod
+from dlo_planner.model.rod import Rod, Surface, part_of_rod
 from dlo_planner.model.value import Value, put
 from dlo_planner.model.varying import Mapped, Profile, breaks_of, resolved
 
@@ -118,6 +118,9 @@ class Surroundings(Value):
         if self.rod.radius is None:
             raise InvalidTask('Rod.radius = None: expected the DLO\'s radius with self_contact')
         for given, what in ((self.pinned, "grip = 'pinned'"), (self.obstacles, 'obstacles'),
+                            (self.rod.yields, 'a rod that yields'),
+                            (Surface.of(self.rod).half is not None, 'a rectangular section'),
+                            (self.has_moments, 'dead moments'),
                             (self.other_loads, 'point_loads that are no PointLoad')):
             if given:
                 raise InvalidTask(f'self_contact = True: expected False with {what}')
