@@ -25,7 +25,9 @@ from dlo_planner.model.arrays import Floats, Ints
 
 _MORE = 5          # times the steps of a search: a DLO that falls winds itself up bit by bit
 _ROUGH = 1e-3      # residual
-_STEPS = 10        # of Newton's method until pairs are looked for anew
+_STEPS = 10        # of Newton's method until pairs are looked for anew,
+_FREE = 100        # and where none are near
+_CREEPS = 1e-3     # of the length: what moves by less in so many steps does not fall
 _WATCHED = 0.5     # of the larger radius: pairs as near as that beyond both radii are looked at
 _FALLEN = 1.5      # rad: what bends or twists by more in a step, in all, may have fallen
 _EXACT = 1e-7      # of the length: depths aimed at
@@ -61,16 +63,18 @@ def kept_apart(mesh: Discretization, memory: Memory, system: Problem, strains: F
     strains (N, 3).
     """
     lengths, radii, spring = mesh.free.lengths, mesh.radii, mesh.pair_spring
-    positions = np.array(configuration_at(system, strains).positions)
+    positions = np.array(configuration_at(system, strains).positions + system.origin)
     known = {(i, j): force for (i, j), force in zip(
         mesh.pairs_at(memory.strands).tolist(), memory.strands[:, 2].tolist(), strict=True)}
     length, check, iterations, kicks = float(mesh.s[-1]), False, 0, 0
     while True:
         strands = _near(lengths, strains, positions, radii, known, spring)
+        steps = _STEPS if len(strands.pair) else _FREE
         end = solved(system._replace(strands=strands), strains,
-                     how._replace(steps=_STEPS, check=check))
+                     how._replace(steps=steps, check=check))
         iterations, kicks = iterations + end.iterations, kicks + end.kicks
         end = end._replace(iterations=iterations, kicks=kicks, strands=strands)
+        moved = float(np.abs(end.positions - positions).max())
         strains, positions = end.strains, end.positions
         borne, off = _borne(lengths, positions, strands)
         if end.residual < _ROUGH:  # else forces are those of a shape that is none
@@ -82,7 +86,8 @@ def kept_apart(mesh: Discretization, memory: Memory, system: Problem, strains: F
             if check or not how.check:
                 return end
             check = True
-        elif iterations >= _MORE * how.steps or not end.residual < np.inf:
+        elif (iterations >= _MORE * how.steps or not end.residual < np.inf
+              or not len(strands.pair) and end.iterations >= _FREE and moved < _CREEPS * length):
             return end
 
 

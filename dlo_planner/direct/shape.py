@@ -745,10 +745,23 @@ class Shape(Pictured):
     def lies_in_itself(self) -> bool | float:
         """Whether two of its pieces, no neighbours, are nearer than their radii.
 
-        By the least half size of a rectangular section; nan where `self_distance` is.
+        By the least half size of a rectangular section; nan where `self_distance` is. Where
+        strands keep each other off (`self_contacts`) it is what the chords of their elements leave
+        out, as exactly as these are kept.
         """
         gap = self._near_itself[1]
-        return np.nan if np.isnan(gap) else gap < 0
+        return np.nan if np.isnan(gap) else gap < -self._chords_off
+
+    @property
+    def _chords_off(self) -> float:
+        """By how much strands that keep each other off may be in each other, m."""
+        if not self.self_contacts:
+            return 0.0
+        bends = np.hypot(self.element_strains[:, 1], self.element_strains[:, 2])
+        heights = 0.125 * np.diff(self.s) ** 2 * bends  # of arcs over their chords
+        places = [self._element_at(one.s)[0] for one in self.self_contacts] + [
+            self._element_at(one.other_s)[0] for one in self.self_contacts]
+        return float(2.0 * heights[places].max() + self.violation)
 
     @cached_property
     def _near_itself(self) -> tuple[float, float]:
@@ -1144,6 +1157,10 @@ def pack(shape: Shape) -> dict[str, Any]:
                    'held_by': np.array([hold.by for hold in shape.holds]),
                    'hold_slips': np.array([hold.slip for hold in shape.holds]),
                    'wrenches': shape.wrenches}
+    if shape.self_contacts:
+        packed['self_contacts'] = np.array([
+            [c.s, c.other_s, *c.position, *c.normal, c.force, c.penetration]
+            for c in shape.self_contacts])
     packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
     if shape.parts is not None:
@@ -1157,6 +1174,8 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     """Return the Shape of the tree of `pack`."""
     contacts = tuple(Contact(int(row[0]), row[1], row[2:5], row[5:8], row[8], row[9:12], row[12])
                      for row in stored['contacts'])
+    touching = tuple(SelfContact(row[0], row[1], row[2:5], row[5:8], row[8], row[9])
+                     for row in stored.get('self_contacts', ()))
     past = {name.removeprefix(_PAST): array for name, array in stored.items()
             if name.startswith(_PAST)}
     history = Memory.unpacked(past, float(stored['s'][-1])) if past else None
@@ -1166,7 +1185,7 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     parts = tuple(unpack(stored[name]) for name in _PARTS) if _PARTS[0] in stored else None
     holds, wrenches = _unpacked_holds(stored)
     return Shape(gripper=pose_of_row(stored['gripper']), contacts=contacts, holds=holds,
-                 wrenches=wrenches, parts=parts,
+                 self_contacts=touching, wrenches=wrenches, parts=parts,
                  passed_itself=bool(passed) if passed in (0.0, 1.0) else np.nan,
                  state=State(history=history, estimate=Constant(float(stored['error_estimate']))),
                  **values)
