@@ -45,7 +45,9 @@ from dlo_planner.model.value import FrozenDict, Value, changed, freeze, put, sam
 # contacts cost iterations the stiffer they are, tension between two grips multiplies what they
 # round, and so does a load on a soft DLO: no more than this times the force that bends it
 _SPRINGS = (('spring', 1e5, 1e8), ('held_spring', 1e3, 1e8), ('hold_spring', 1e2, np.inf))
-_PAIR_SPRING = 30.0  # times EI / (r l^2) of the mean length l of elements: that of pairs that touch
+# times EI / r^3: that of pairs that touch. The force that bends a strand around another one, EI
+# / 16 r^2, presses them a hundredth of their distance into each other; then multipliers bear it
+_PAIR_SPRING = 3.0
 SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compared
 _LEVER = 0.1  # of the length
 _SAME = 1e-9        # of the length
@@ -473,9 +475,7 @@ class Discretization(Value):
     @cached_property
     def pair_spring(self) -> float:
         """Spring in N/m of pairs of places that touch each other."""
-        stiffness = float(self.free.stiffness[:, 1:].max())
-        mean = float(np.mean(self.free.lengths))
-        return _PAIR_SPRING * stiffness / (float(self.radii.max()) * mean ** 2)
+        return float(_PAIR_SPRING * self.free.stiffness[:, 1:].max() / self.radii.max() ** 3)
 
     @cached_property
     def _springs(self) -> dict[str, float]:

@@ -34,8 +34,8 @@ from dlo_planner.model.arrays import Floats, Ints
 SOFT = 1e-3        # of the squared length of a chord: chords at a smaller angle than its root, in
 #                    rad, are parallel
 ROWS = 5           # of a pair at most, see `put_rows`
-_DEEPEST = 0.97    # of the reach: strands that a step leaves nearer are not known of yet
-_DEEP = 0.99       # the same: strands that are nearer are pushed out before anything else
+_DEEPEST = 0.9    # of the reach: strands that a step leaves nearer are not known of yet
+_DEEP = 0.96       # the same: strands that are nearer are pushed out before anything else
 _MANY = 64         # pairs in each other that are looked at
 _RIGHT = 0.5 * np.pi
 _NOTHING = 1e-12   # of the spring: weights below it change nothing
