@@ -209,7 +209,8 @@ class Memory(Value):
                 'hinge': self.hinge,
                 'lost': self.dissipated, 'hold': self.hold,
                 'node_force': self.node_force, **points, 'positions': self.positions,
-                'tangents': self.tangents, **({'strands': self.strands} if self.strands.size else {})}
+                'tangents': self.tangents,
+                **({'strands': self.strands} if self.strands.size else {})}
 
     @classmethod
     def unpacked(cls, arrays: Mapping[str, Any], length: float) -> Memory:

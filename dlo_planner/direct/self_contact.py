@@ -59,8 +59,8 @@ def kept_apart(mesh: Discretization, memory: Memory, system: Problem, strains: F
                solved: Callable[[Problem, Floats, Search], Solution]) -> Solution:
     """Return the Solution in which no strand is in another.
 
-    Its Strands are those that are near; `memory` is what the step begins with. `solved` returns the Solution that a Search reaches from
-    strains (N, 3).
+    Its Strands are those that are near; `memory` is what the step begins with. `solved` returns the
+    Solution that a Search reaches from strains (N, 3).
     """
     lengths, radii, spring = mesh.free.lengths, mesh.radii, mesh.pair_spring
     positions = np.array(configuration_at(system, strains).positions + system.origin)
@@ -102,12 +102,13 @@ def _near(lengths: Floats, strains: Floats, positions: Floats, radii: Floats,
 def _pairs(lengths: Floats, strains: Floats, positions: Floats, radii: Floats,
            gap: float) -> Ints:
     """Return (P, 2) the pairs nearer than both radii and a gap, m."""
-    arrays = [np.array(one) for one in (lengths, strains, positions, radii)]
+    # (what could be written, and what not, are two types for kernels)
+    copied, strained, placed = np.array(lengths), np.array(strains), np.array(positions)
     found = np.empty((4 * lengths.size, 2), dtype=np.int64)
-    count = near_pairs(*arrays, gap, found)
+    count = near_pairs(copied, strained, placed, radii, gap, found)
     if count > len(found):
         found = np.empty((count, 2), dtype=np.int64)
-        near_pairs(*arrays, gap, found)
+        near_pairs(copied, strained, placed, radii, gap, found)
     return found[:count]
 
 

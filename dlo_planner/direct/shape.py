@@ -21,7 +21,6 @@ from dlo_planner.direct.touches import Touch, touches_of
 from dlo_planner.energy.strands import Strands, bears, nearest_points
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import folded, frame_along, positions_along
-
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import (
@@ -1076,6 +1075,13 @@ def refuse_sliding(name: str, shape: Shape) -> None:
                           'is at its limit, and how the DLO slides on is not linearized')
 
 
+def refuse_self_contact(name: str, shape: Shape) -> None:
+    """Raise InvalidTask where a Shape touches itself, which is not linearized."""
+    if shape.self_contacts:
+        raise InvalidTask(f'{name}: expected one that does not touch itself, it does so at '
+                          f'{shape.self_contacts[0].s:.4g} m')
+
+
 def carried(shape: Shape, displacement: Floats) -> Shape:
     """Return what `Shape.moved` does, of an array (3,); what it touches has to be carried, too."""
     if shape.state.mesh is not None:
@@ -1129,6 +1135,7 @@ def _linearized(shape: Shape, name: str = 'shape') -> Linearized:
     if mesh.surroundings.has_moments:
         raise InvalidTask(f'{name}: expected one without dead moments, which have no potential')
     refuse_sliding(name, shape)
+    refuse_self_contact(name, shape)
     if any(shape.obstacles[contact.obstacle].friction for contact in shape.contacts):
         raise InvalidTask(f'{name}: expected one that touches nothing with friction, whose law is '
                           'not linear however small the vibrations are')

@@ -617,16 +617,19 @@ def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers
 
 
 def clamping(name: str, simulator: object) -> DirectSimulator:
-    """Return a DirectSimulator whose gripper clamps the DLO; raise InvalidTask naming `name`."""
+    """Return a DirectSimulator of which plans are made; raise InvalidTask naming `name`."""
     direct: DirectSimulator = instance(name, simulator, DirectSimulator)
     if direct.surroundings.pinned:
         raise InvalidTask(f'{name}.grip = \'pinned\': expected \'clamped\', which plans are made '
                           'for')
+    if direct.surroundings.self_contact:
+        raise InvalidTask(f'{name}.self_contact = True: expected False, shapes alone know it')
     return direct
 
 
 _OPTIONS = tuple(name for name in signature(DirectSimulator).parameters
-                 if name not in ('rod', 'grip'))  # what holds the DLO is theirs to say
+                 # what holds the DLO is theirs to say; parts of a DLO do not know each other
+                 if name not in ('rod', 'grip', 'self_contact'))
 
 
 def known_options(options: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -153,7 +153,8 @@ def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepIn
             from dlo_planner.direct.self_contact import may_have_met  # noqa: PLC0415  (few need it)
             if may_have_met(initial, shape):
                 shape = None
-        if shape is not None and not (mesh.hangs or given_up or shape.converged and shape.state.culled):
+        if shape is not None and not (mesh.hangs or given_up
+                                      or shape.converged and shape.state.culled):
             shape = None
     if shape is None:
         shape = _searched(mesh, gripper, initial, how, past, start, culled=False)

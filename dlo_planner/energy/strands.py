@@ -227,9 +227,10 @@ def near_pairs(lengths: Floats, strains: Floats, positions: Floats, radii: Float
 
 @kernel
 def put_rows(effect, system, state, p, rows, weights):
-    """Fill what pair p adds to second derivatives, sum of weights times rows row^T; return how many.
+    """Fill what pair p adds to second derivatives: a sum of weights times rows row^T.
 
-    Shapes: rows (ROWS, 4, 3) forces on nodes i, i + 1, j, j + 1; weights (ROWS,), N/m.
+    Returns how many there are. Shapes: rows (ROWS, 4, 3) forces on nodes i, i + 1, j, j + 1;
+    weights (ROWS,), N/m.
     """
     i, j = effect.pair[p, 0], effect.pair[p, 1]
     positions = state.positions

@@ -201,7 +201,7 @@ class Structure(Record):
     # an empty one of the right sizes, where forces act elsewhere than on nodes
     attached: OffNodeLoads | None
     border: KKTBorder | None  # an empty one of the right number of rows, where something is held
-    coupling: Coupling | None  # an empty one of the most rows that there may be, where strands touch
+    coupling: Coupling | None  # an empty one of the most rows there may be, where strands touch
 
 
 def structure_of(effects: Terms, nodes: int) -> Structure:
