@@ -30,6 +30,7 @@ from dlo_planner.inverse.equilibria import hanging_shapes
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.holds import FarEnd
 from dlo_planner.model.obstacles import Mesh, Plane, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
@@ -214,6 +215,16 @@ def held() -> None:
     first_passage(lengths, *(np.stack([one] * 2) for one in (strains, frames[0], positions)))
 
 
+def strands() -> None:
+    """Solve a DLO that touches itself."""
+    loop = Rod(1.0, 0.1, 1.0, 0.7, natural_curvature=(7.5, 0.0), natural_twist=0.1, radius=0.01)
+    for basis in ('local', 'chebyshev'):
+        direct = DirectSimulator(loop, basis=basis, n_elements=24, n_terms=12, self_contact=True)
+        shape = direct.solve(_LEVEL)
+        end = FarEnd(Pose.from_rotation(shape.positions[-1], shape.frames[-1]))
+        direct.solve(_TILTED, direct.solve(_LEVEL, shape, far_end=end))
+
+
 def seen() -> None:
     """Fit and observe a DLO, and correct a plan."""
     spread = Uncertainty(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
@@ -234,4 +245,4 @@ def seen() -> None:
 # Two processes take them in this order: the first is about as long as the next seven together, the
 # last two need what both have compiled.
 ALL = (touching, shapes, motions, seen, proofs, closed_loop, answers, many, held,
-       moved_in_contact, planned_among_obstacles)
+       strands, moved_in_contact, planned_among_obstacles)

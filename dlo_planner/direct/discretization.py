@@ -28,6 +28,7 @@ from dlo_planner.energy.plastic import (
 )
 from dlo_planner.energy.problem import Problem, with_gripper
 from dlo_planner.energy.scene import Scene, build_scene
+from dlo_planner.energy.strands import Strands, no_strands
 from dlo_planner.energy.terms import TERMS, free_terms, structure_of
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.basis import equidistribute, orthonormal_basis, very_twisted
@@ -44,6 +45,9 @@ from dlo_planner.model.value import FrozenDict, Value, changed, freeze, put, sam
 # contacts cost iterations the stiffer they are, tension between two grips multiplies what they
 # round, and so does a load on a soft DLO: no more than this times the force that bends it
 _SPRINGS = (('spring', 1e5, 1e8), ('held_spring', 1e3, 1e8), ('hold_spring', 1e2, np.inf))
+# times EI / r^3: that of pairs that touch. The force that bends a strand around another one, EI
+# / 16 r^2, presses them a hundredth of their distance into each other; then multipliers bear it
+_PAIR_SPRING = 3.0
 SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compared
 _LEVER = 0.1  # of the length
 _SAME = 1e-9        # of the length
@@ -108,6 +112,9 @@ class Memory(Value):
     hinge: float = -1.0      # m, arc length where a step has left a plastic hinge; < 0: nowhere
     original_set: tuple[Floats, Floats] | None = field(default=None, compare=False)
     # s, plastic, where that was made on another mesh
+    # (P, 3) arc lengths in m of places that bear on each other, the first before the second, and
+    # the force in N
+    strands: Floats = field(default_factory=lambda: NOWHERE)
 
     @classmethod
     def empty(cls, s: Floats, springs: int, bodies: int, of: Surroundings) -> Memory:
@@ -117,14 +124,14 @@ class Memory(Value):
         freeze((plastic, force))  # nobody else has them: they need not be judged
         put(past, s=s, plastic=plastic, dissipated=0.0, hold=_NO_NUMBER, node_force=force,
             points=NO_POINTS, positions=NOWHERE, tangents=NOWHERE, of=of, set_error=0.0,
-            hinge=-1.0, original_set=None)
+            hinge=-1.0, original_set=None, strands=NOWHERE)
         return past
 
     @cached_property
     def idle(self) -> bool:
         """Whether nothing of it has a say in the next step of a DLO that nothing else holds."""
         return not (self.points.element.size or self.dissipated or self.plastic.any()
-                    or self.node_force.any())
+                    or self.node_force.any() or self.strands.size)
 
     @cached_property
     def pristine(self) -> bool:
@@ -151,16 +158,17 @@ class Memory(Value):
     def permanent_part(self) -> Memory:
         """Return what belongs to the rod: no forces, and not the way so far."""
         return changed(self, hold=_NO_NUMBER, node_force=np.zeros_like(self.node_force),
-                       points=NO_POINTS, positions=NOWHERE, tangents=NOWHERE)
+                       points=NO_POINTS, positions=NOWHERE, tangents=NOWHERE, strands=NOWHERE)
 
     def with_forces(self, other: Memory) -> Memory:
         """Return the same past with the forces of another one."""
-        return changed(self, hold=other.hold, node_force=other.node_force, points=other.points)
+        return changed(self, hold=other.hold, node_force=other.node_force, points=other.points,
+                       strands=other.strands)
 
     def under(self, later: Memory) -> Memory:
         """Return the same past under the forces after the step; what slid in it slides."""
         points = later.points
-        return changed(self, hold=later.hold, node_force=later.node_force,
+        return changed(self, hold=later.hold, node_force=later.node_force, strands=later.strands,
                        points=points._replace(anchor=points.anchor - points.slid))
 
     def halved(self, s: Floats) -> Memory:
@@ -174,7 +182,7 @@ class Memory(Value):
         put(past, s=s, plastic=np.zeros((s.size - 1, 0)), dissipated=0.0, hold=_NO_NUMBER,
             node_force=force, points=points._replace(anchor=points.anchor - points.slid).on(
                 self.s, s), positions=NOWHERE, tangents=NOWHERE, of=self.of,
-            set_error=self.set_error, hinge=self.hinge, original_set=None)
+            set_error=self.set_error, hinge=self.hinge, original_set=None, strands=self.strands)
         freeze((past.plastic, force, past.points))
         return past
 
@@ -201,7 +209,8 @@ class Memory(Value):
                 'hinge': self.hinge,
                 'lost': self.dissipated, 'hold': self.hold,
                 'node_force': self.node_force, **points, 'positions': self.positions,
-                'tangents': self.tangents}
+                'tangents': self.tangents,
+                **({'strands': self.strands} if self.strands.size else {})}
 
     @classmethod
     def unpacked(cls, arrays: Mapping[str, Any], length: float) -> Memory:
@@ -224,7 +233,9 @@ class Memory(Value):
                    _filed(arrays, 'node_force', (bodies, s.size)), points,
                    _filed(arrays, 'positions', ends), _filed(arrays, 'tangents', ends),
                    set_error=float(_filed(arrays, 'set_error', (), 0.0)),
-                   hinge=float(_filed({'hinge': -1.0, **arrays}, 'hinge', (), -1.0, length)))
+                   hinge=float(_filed({'hinge': -1.0, **arrays}, 'hinge', (), -1.0, length)),
+                   strands=_filed({'strands': NOWHERE, **arrays}, 'strands', (
+                       len(arrays.get('strands', ())), 3), 0.0))
 
 
 def _filed(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], lowest: float = -np.inf,
@@ -371,13 +382,15 @@ class Discretization(Value):
     @cached_property
     def full(self) -> Problem:
         """The Problem with all that may act."""
+        if self.touches_itself:  # nothing else of what may act does
+            return self.free._replace(hold=self._no_holds, strands=no_strands(self.radii))
         return self._with_terms(self.rod, self.surroundings.obstacles, self.section)
 
     @cached_property
     def held(self) -> Problem:
         """The Problem with other holds, without what may act; of the type of `full`."""
         around = self.surroundings
-        if not around.obstacles and not self.yields:
+        if not around.obstacles and not self.yields and not self.touches_itself:
             return self.full
         rod = around.free.rod
         return self._with_terms(rod, (), yielding_layers(rod, self.free.stiffness))
@@ -444,7 +457,26 @@ class Discretization(Value):
             self.held if culled else self.full, base, place,
             self._hold_rows(holds, place, past.hold, springs) if holds else self._no_holds,
             self.held_spring if holds else self.spring, *left)
+        if self.touches_itself and not culled:
+            result = result._replace(strands=self._known_strands(past))
         return result
+
+    def _known_strands(self, memory: Memory) -> Strands:
+        """Return the Strands that a Memory knows of."""
+        pairs = self.pairs_at(memory.strands)
+        return Strands(pairs, np.array(memory.strands[:, 2]), self.radii[pairs].sum(axis=1),
+                       np.array(self.radii), self.pair_spring)
+
+    def pairs_at(self, strands: Floats) -> Ints:
+        """Return (P, 2) the elements in which places of a Memory's `strands` are."""
+        pairs: Ints = np.clip(np.searchsorted(self.s, strands[:, :2], side='right') - 1, 0,
+                              self.s.size - 2)
+        return pairs
+
+    @cached_property
+    def pair_spring(self) -> float:
+        """Spring in N/m of pairs of places that touch each other."""
+        return float(_PAIR_SPRING * self.free.stiffness[:, 1:].max() / self.radii.max() ** 3)
 
     @cached_property
     def _springs(self) -> dict[str, float]:
@@ -556,6 +588,20 @@ class Discretization(Value):
         """Whether there are obstacles."""
         return bool(self.surroundings.obstacles)
 
+    @property
+    def touches_itself(self) -> bool:
+        """Whether its strands keep each other off."""
+        return self.surroundings.self_contact
+
+    @cached_property
+    def radii(self) -> Floats:
+        """(N,) how far its surface is from the axis at least in the elements, m."""
+        surface = Surface.of(self.rod)
+        if surface.rod is None:
+            return np.full(self.s.size - 1, surface.least)
+        radii: Floats = surface.radii(self.s).min(axis=1)
+        return radii
+
     @cached_property
     def may_hang(self) -> bool:
         """Whether nothing but dead forces acts where nothing is touched and nothing yields."""
@@ -565,7 +611,8 @@ class Discretization(Value):
     @cached_property
     def hangs(self) -> bool:
         """Whether nothing but dead forces ever acts, and nothing that happened matters."""
-        return self.may_hang and not self.obstructed and not self.yields
+        return (self.may_hang and not self.obstructed and not self.yields
+                and not self.touches_itself)
 
     @cached_property
     def load(self) -> Floats:

@@ -28,7 +28,7 @@ def passed_between(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
 
     Where it has, nan is returned if that cannot be known.
     """
-    if _bends_little(previous) and _bends_little(shape):
+    if bends_little(previous) and bends_little(shape):
         return False
     if jumped and _is_turned(previous) and _is_turned(shape):
         if _turned_by(previous, shape) > _KNOWN:
@@ -50,7 +50,7 @@ def passed_between(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
                                shape.frames, shape.positions))
 
 
-def _bends_little(shape: Shape) -> bool:
+def bends_little(shape: Shape) -> bool:
     """Whether a Shape bends by less than a right angle in all, as its energy tells."""
     mesh = shape.state.mesh
     return mesh is not None and shape.elastic_energy <= mesh.bending_back

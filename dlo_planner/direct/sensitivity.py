@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.modes import linearize
 from dlo_planner.direct.search import evaluated
-from dlo_planner.direct.shape import Shape, refuse_sliding
+from dlo_planner.direct.shape import Shape, refuse_self_contact, refuse_sliding
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import forward_kinematics
 from dlo_planner.minimize.response import (
@@ -53,6 +53,7 @@ class Sensitivity:
         if shape.state.mesh.surroundings.pinned:
             raise InvalidTask('shape: expected one whose gripper clamps it, not a pinned one')
         refuse_sliding('shape', shape)
+        refuse_self_contact('shape', shape)
         self.shape = shape
         here, gripper = shape.state.mesh, shape.gripper
         # the past before the step: what yields in it, yields along with the gripper

@@ -18,6 +18,7 @@ from dlo_planner.direct.modes import MOST_MODES, SPARE, Linearized, Modes, conti
 from dlo_planner.direct.section_forces import SectionForces, section_forces
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.direct.touches import Touch, touches_of
+from dlo_planner.energy.strands import Strands, bears, nearest_points
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import folded, frame_along, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
@@ -126,6 +127,63 @@ def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tup
             friction=friction, penetration=depth)
         found.append(contact)
     return tuple(found)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SelfContact(Value):
+    """One place where a DLO touches itself.
+
+    Attributes
+    ----------
+    s : float
+        Arc length of the place, m.
+    other_s : float
+        Arc length of the place beyond it that it touches, m.
+    position : ndarray, shape (3,)
+        Point of the DLO's axis at s, on the chord of its element, m, world.
+    normal : ndarray, shape (3,)
+        Unit vector from the axis at other_s to that at s.
+    force : float
+        Force in N, along the normal, on the DLO at s, > 0; at other_s acts its opposite.
+    penetration : float
+        By how much the axes are nearer than both radii, m, >= 0.
+    """
+
+    s: float
+    other_s: float
+    position: np.ndarray
+    normal: np.ndarray
+    force: float
+    penetration: float
+
+    def __post_init__(self) -> None:
+        put(self, **{name: figure(f'SelfContact.{name}', getattr(self, name))
+                     for name in ('s', 'other_s', 'force', 'penetration')},
+            **{name: results(f'SelfContact.{name}', getattr(self, name), (3,))
+               for name in ('position', 'normal')})
+        super().__post_init__()
+
+    def __repr__(self) -> str:
+        return brief(self, f's {self.s:.4g} m', f'other_s {self.other_s:.4g} m',
+                     f'force {self.force:.3g} N', f'penetration {self.penetration:.2g} m')
+
+
+def self_contacts_of(s: Floats, positions: Floats,
+                     strands: Strands) -> tuple[tuple[SelfContact, ...], float]:
+    """Return the SelfContacts, by arc length, of nodes s (N + 1,), and the largest depth, m."""
+    found, deepest, lengths = [], 0.0, np.diff(s)
+    for p, (i, j) in enumerate(strands.pair.tolist()):
+        a, b, distance = nearest_points(lengths, positions, i, j)
+        force = float(bears(strands, p, distance))
+        depth = max(float(strands.pair_reach[p]) - distance, 0.0)
+        deepest = max(deepest, depth)
+        if force > 0.0:
+            place, away = ((1.0 - t) * positions[e] + t * positions[e + 1]
+                           for e, t in ((i, a), (j, b)))
+            apart = place - away
+            found.append(SelfContact(s[i] + a * lengths[i], s[j] + b * lengths[j], place,
+                                     apart / np.linalg.norm(apart), force, depth))
+    return tuple(sorted(found, key=lambda one: (one.s, one.other_s))), deepest
 
 
 class Feed(NamedTuple):
@@ -256,6 +314,8 @@ class Shape(Pictured):
         Energy lost to plastic deformation so far, J.
     parts : tuple or None
         The two Shapes of a DLO grasped inside (`GraspedInside`), else None.
+    self_contacts : tuple
+        The SelfContacts, in the order of s, of a simulator with `self_contact`.
     passed_itself : bool or float
         Whether the DLO would pass through itself on the way from the shape before, straight seen
         from the gripper; of a motion, since it began. Nothing holds its pieces off each other: a
@@ -288,6 +348,7 @@ class Shape(Pictured):
     parts: tuple[Shape, ...] | None = None
     state: State = field(default=UNKNOWN, metadata={'opaque': True})
     passed_itself: bool | float = False
+    self_contacts: tuple[SelfContact, ...] = ()
 
     _REMEMBERED = ('error_estimate',)
 
@@ -299,13 +360,15 @@ class Shape(Pictured):
                  far_wrench: Floats | None = None, dissipated: float = 0.0,
                  parts: tuple[Shape, ...] | None = None, state: State = UNKNOWN,
                  passed_itself: bool | float = False, holds: Holds = (),
-                 wrenches: Floats = NO_WRENCHES) -> None:
+                 wrenches: Floats = NO_WRENCHES,
+                 self_contacts: tuple[SelfContact, ...] = ()) -> None:
         # written out: what a dataclass writes sets field by field, which takes as long as a step
         put(self, gripper=gripper, s=s, positions=positions, frames=frames,
             element_strains=element_strains, energy=energy, elastic_energy=elastic_energy,
             gripper_wrench=gripper_wrench, residual=residual, stability=stability,
             iterations=iterations, converged=converged, jumped=jumped, contacts=contacts,
             evaluations=evaluations, violation=violation, holds=holds, wrenches=wrenches,
+            self_contacts=self_contacts,
             dissipated=dissipated, parts=parts, state=state, passed_itself=passed_itself)
         if far_end is not None or far_wrench is not None:
             self._hold_far_end(far_end, far_wrench)
@@ -336,6 +399,7 @@ class Shape(Pictured):
             raise InvalidTask(f'Shape.s = {shown(s.tolist())}: expected arc lengths that grow '
                               'from 0')
         put(self, s=s, contacts=items('Shape.contacts', self.contacts, Contact),
+            self_contacts=items('Shape.self_contacts', self.self_contacts, SelfContact),
             **{name: array(f'Shape.{name}', getattr(self, name), (s.size, *size))
                for name, size in (('positions', (3,)), ('frames', (3, 3)))},
             holds=holds_of(None, self.holds, float(s[-1]), 'Shape.holds'),
@@ -684,10 +748,23 @@ class Shape(Pictured):
     def lies_in_itself(self) -> bool | float:
         """Whether two of its pieces, no neighbours, are nearer than their radii.
 
-        By the least half size of a rectangular section; nan where `self_distance` is.
+        By the least half size of a rectangular section; nan where `self_distance` is. Where
+        strands keep each other off (`self_contacts`) it is what the chords of their elements leave
+        out, as exactly as these are kept.
         """
         gap = self._near_itself[1]
-        return np.nan if np.isnan(gap) else gap < 0
+        return np.nan if np.isnan(gap) else gap < -self._chords_off
+
+    @property
+    def _chords_off(self) -> float:
+        """By how much strands that keep each other off may be in each other, m."""
+        if not self.self_contacts:
+            return 0.0
+        bends = np.hypot(self.element_strains[:, 1], self.element_strains[:, 2])
+        heights = 0.125 * np.diff(self.s) ** 2 * bends  # of arcs over their chords
+        places = [self._element_at(one.s)[0] for one in self.self_contacts] + [
+            self._element_at(one.other_s)[0] for one in self.self_contacts]
+        return float(2.0 * heights[places].max() + self.violation)
 
     @cached_property
     def _near_itself(self) -> tuple[float, float]:
@@ -697,6 +774,11 @@ class Shape(Pictured):
             return np.nan, np.nan
         distance, gap = self_distance(*self._kernel_arrays, radii, np.inf, np.inf)
         return float(distance), float(gap)
+
+    def _element_at(self, s: float) -> tuple[int, float]:
+        """Return the element in which an arc length is, and the part of it before that."""
+        e = int(np.clip(np.searchsorted(self.s, s, side='right') - 1, 0, self.s.size - 2))
+        return e, (s - float(self.s[e])) / float(self.s[e + 1] - self.s[e])
 
     @property
     def bent(self) -> Floats:
@@ -753,6 +835,12 @@ class Shape(Pictured):
         places = [one.s for one in self.contacts] + [
             place_of(hold, float(self.s[-1])) for hold in self.holds]
         wrenches = [[*one.vector, 0.0, 0.0, 0.0] for one in self.contacts] + [*self.wrenches]
+        for at, sign in (('s', 1.0), ('other_s', -1.0)):
+            for one in self.self_contacts:  # on the nodes of its element
+                e, t = self._element_at(getattr(one, at))
+                places += [self.s[e], self.s[e + 1]]
+                wrenches += [[*(sign * share * one.force * one.normal), 0.0, 0.0, 0.0]
+                             for share in (1.0 - t, t)]
         beside = bool(self.contacts) and Surface.of(mesh.rod).half is not None
         found = section_forces(mesh, self.frame_at, self.gripper_wrench[:3],
                                (np.array(places), np.reshape(wrenches, (-1, 6))),
@@ -991,6 +1079,13 @@ def refuse_sliding(name: str, shape: Shape) -> None:
                           'is at its limit, and how the DLO slides on is not linearized')
 
 
+def refuse_self_contact(name: str, shape: Shape) -> None:
+    """Raise InvalidTask where a Shape touches itself, which is not linearized."""
+    if shape.self_contacts:
+        raise InvalidTask(f'{name}: expected one that does not touch itself, it does so at '
+                          f'{shape.self_contacts[0].s:.4g} m')
+
+
 def carried(shape: Shape, displacement: Floats) -> Shape:
     """Return what `Shape.moved` does, of an array (3,); what it touches has to be carried, too."""
     if shape.state.mesh is not None:
@@ -1044,6 +1139,7 @@ def _linearized(shape: Shape, name: str = 'shape') -> Linearized:
     if mesh.surroundings.has_moments:
         raise InvalidTask(f'{name}: expected one without dead moments, which have no potential')
     refuse_sliding(name, shape)
+    refuse_self_contact(name, shape)
     if any(shape.obstacles[contact.obstacle].friction for contact in shape.contacts):
         raise InvalidTask(f'{name}: expected one that touches nothing with friction, whose law is '
                           'not linear however small the vibrations are')
@@ -1072,6 +1168,10 @@ def pack(shape: Shape) -> dict[str, Any]:
                    'held_by': np.array([hold.by for hold in shape.holds]),
                    'hold_slips': np.array([hold.slip for hold in shape.holds]),
                    'wrenches': shape.wrenches}
+    if shape.self_contacts:
+        packed['self_contacts'] = np.array([
+            [c.s, c.other_s, *c.position, *c.normal, c.force, c.penetration]
+            for c in shape.self_contacts])
     packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
     if shape.parts is not None:
@@ -1085,6 +1185,8 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     """Return the Shape of the tree of `pack`."""
     contacts = tuple(Contact(int(row[0]), row[1], row[2:5], row[5:8], row[8], row[9:12], row[12])
                      for row in stored['contacts'])
+    touching = tuple(SelfContact(row[0], row[1], row[2:5], row[5:8], row[8], row[9])
+                     for row in stored.get('self_contacts', ()))
     past = {name.removeprefix(_PAST): array for name, array in stored.items()
             if name.startswith(_PAST)}
     history = Memory.unpacked(past, float(stored['s'][-1])) if past else None
@@ -1094,7 +1196,7 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     parts = tuple(unpack(stored[name]) for name in _PARTS) if _PARTS[0] in stored else None
     holds, wrenches = _unpacked_holds(stored)
     return Shape(gripper=pose_of_row(stored['gripper']), contacts=contacts, holds=holds,
-                 wrenches=wrenches, parts=parts,
+                 self_contacts=touching, wrenches=wrenches, parts=parts,
                  passed_itself=bool(passed) if passed in (0.0, 1.0) else np.nan,
                  state=State(history=history, estimate=Constant(float(stored['error_estimate']))),
                  **values)

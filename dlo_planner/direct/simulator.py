@@ -102,6 +102,9 @@ class DirectSimulator(Value):
         which may turn like in a ball joint. A shape's gripper and first frame then have the
         rotation of the equilibrium; of a given pose the rotation is only where the search begins,
         without a shape before.
+    self_contact : bool, optional
+        Whether strands of the DLO keep each other off, without friction (`Shape.self_contacts`):
+        of a DLO with a radius in clamped grips, at rest and without obstacles.
 
     Attributes
     ----------
@@ -134,10 +137,10 @@ class DirectSimulator(Value):
                  accuracy: float | None = None, gravity: ArrayLike = STANDARD_GRAVITY,
                  load: ArrayLike | Callable[[float], ArrayLike] | None = None,
                  obstacles: Iterable[Obstacle] = (), point_loads: Iterable[AnyLoad] = (),
-                 grip: str = 'clamped') -> None:
+                 grip: str = 'clamped', self_contact: bool = False) -> None:
         given: Any = {'gravity': gravity, 'load': load, 'obstacles': obstacles,
                       'point_loads': point_loads}  # judged there
-        around = Surroundings(rod, grip=grip, **given)
+        around = Surroundings(rod, grip=grip, self_contact=self_contact, **given)
         fixed = n_elements is not None or n_terms is not None
         put(self, surroundings=around, _history=None, method=choice('method', method, METHODS),
             strains=choice('strains', strains, STRAINS),
@@ -614,16 +617,19 @@ def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers
 
 
 def clamping(name: str, simulator: object) -> DirectSimulator:
-    """Return a DirectSimulator whose gripper clamps the DLO; raise InvalidTask naming `name`."""
+    """Return a DirectSimulator of which plans are made; raise InvalidTask naming `name`."""
     direct: DirectSimulator = instance(name, simulator, DirectSimulator)
     if direct.surroundings.pinned:
         raise InvalidTask(f'{name}.grip = \'pinned\': expected \'clamped\', which plans are made '
                           'for')
+    if direct.surroundings.self_contact:
+        raise InvalidTask(f'{name}.self_contact = True: expected False, shapes alone know it')
     return direct
 
 
 _OPTIONS = tuple(name for name in signature(DirectSimulator).parameters
-                 if name not in ('rod', 'grip'))  # what holds the DLO is theirs to say
+                 # what holds the DLO is theirs to say; parts of a DLO do not know each other
+                 if name not in ('rod', 'grip', 'self_contact'))
 
 
 def known_options(options: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -37,10 +37,20 @@ from dlo_planner.direct.search import (
     turn_of,
     with_hinge,
 )
-from dlo_planner.direct.shape import NO_WRENCH, NO_WRENCHES, Shape, State, contacts_of, hinge_of
+from dlo_planner.direct.shape import (
+    NO_WRENCH,
+    NO_WRENCHES,
+    SelfContact,
+    Shape,
+    State,
+    contacts_of,
+    hinge_of,
+    self_contacts_of,
+)
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import penetration, penetration_of_point
 from dlo_planner.energy.potential import configuration_at
+from dlo_planner.energy.problem import Problem
 from dlo_planner.energy.terms import may_act
 from dlo_planner.geometry.so3 import matrix, partway, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
@@ -139,7 +149,12 @@ def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepIn
             and (mesh.hangs or not how.holds or initial is not None)):
         shape = _searched(mesh, gripper, initial, how, past, start, culled=True)
         given_up = not shape.converged and how.most < np.inf  # then it is made in parts
-        if not (mesh.hangs or given_up or shape.converged and shape.state.culled):
+        if mesh.touches_itself and initial is not None and not given_up:
+            from dlo_planner.direct.self_contact import may_have_met  # noqa: PLC0415  (few need it)
+            if may_have_met(initial, shape):
+                shape = None
+        if shape is not None and not (mesh.hangs or given_up
+                                      or shape.converged and shape.state.culled):
             shape = None
     if shape is None:
         shape = _searched(mesh, gripper, initial, how, past, start, culled=False)
@@ -689,10 +704,17 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
     tangents = NOWHERE
     if memory is not None and not culled:
         places, tangents = read_only(memory.positions), read_only(memory.tangents)
-    return _uninterrupted(solve_step(
-        system, full, gripper.rotation, gripper.position, read_only(strains), places, tangents,
-        frames, rotation, nodes, most, how.tolerance, how.exact * mesh.s.item(-1), how.steps,
-        how.check, how.near))
+
+    def solved(system: Problem, strains: Floats, how: Search) -> Solution:
+        return _uninterrupted(solve_step(
+            system, full, gripper.rotation, gripper.position, read_only(strains), places, tangents,
+            frames, rotation, nodes, most, how.tolerance, how.exact * mesh.s.item(-1), how.steps,
+            how.check, how.near))
+
+    if mesh.touches_itself and not culled:
+        from dlo_planner.direct.self_contact import kept_apart  # noqa: PLC0415  (few DLOs need it)
+        return kept_apart(mesh, memory or mesh.start, system, strains, how, solved)
+    return solved(system, strains, how)
 
 
 def _uninterrupted(found: tuple[Any, ...]) -> Solution:
@@ -770,15 +792,20 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
         one.setflags(write=False)
     if not hangs:
         freeze(end[4:7] if culled else end[4:8])
+    self_contacts: tuple[SelfContact, ...] = ()
     violation = max(end.violation, end.inside)
-    bound = around.pinned or holds or mesh.obstructed and not culled
+    if end.strands is not None:
+        self_contacts, depth = self_contacts_of(mesh.s, end.positions, end.strands)
+        violation = max(violation, depth)
+    bound = (around.pinned or holds or mesh.obstructed and not culled
+             or end.strands is not None)
     reach = reach_of(mesh, spans_of(holds, gripper, mesh.s.item(-1))) if holds else np.inf
     good = is_equilibrium(bool(end.stationary), end.stability, bool(bound), violation,
                           KEPT * mesh.s.item(-1), end.missed, reach) and before.hinge < 0.0
     after: Memory = before
     contacts: tuple[Any, ...] = ()
     if not hangs:
-        after = memory_after(mesh, end, before, culled)
+        after = memory_after(mesh, end, before, culled, self_contacts)
         if mesh.obstructed and not culled:
             contacts = contacts_of(mesh.s, end.contacts, gripper.position)
     shape = Shape.__new__(Shape)  # its arrays are its own: to judge them takes as long as a step
@@ -787,6 +814,7 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
         gripper_wrench=end.wrench, residual=end.residual, stability=end.stability,
         iterations=end.iterations, converged=bool(good), jumped=False, contacts=contacts,
         evaluations=evaluations, violation=violation, holds=holds,
+        self_contacts=self_contacts,
         wrenches=end.wrenches if holds else NO_WRENCHES, dissipated=after.dissipated, parts=None,
         state=State.__new__(State), passed_itself=False)
     put(shape.state, mesh=mesh, history=after, before=before, estimate=partial(
@@ -795,19 +823,23 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     return shape
 
 
-def memory_after(mesh: Discretization, end: Solution, before: Memory, culled: bool) -> Memory:
+def memory_after(mesh: Discretization, end: Solution, before: Memory, culled: bool,
+                 touching: tuple[SelfContact, ...] = ()) -> Memory:
     """Return what a Solution leaves to the next step."""
     plastic, lost = before.plastic, before.dissipated
-    force, points = before.node_force, before.points
+    force, points, strands = before.node_force, before.points, before.strands
     if not culled:
         if mesh.yields:
             plastic, lost = end.plastic, lost + end.lost
         if mesh.obstructed:
             force, points = end.forces[0], ContactPoints(*end.forces[1:])
+        if mesh.touches_itself:
+            strands = read_only(np.array([[one.s, one.other_s, one.force] for one in touching])
+                                .reshape(-1, 3))
     after = Memory.__new__(Memory)  # nobody else has its arrays: it need not look at them
     put(after, s=mesh.s, plastic=plastic, dissipated=lost, hold=end.hold, node_force=force,
         points=points, positions=end.positions, tangents=end.frames[:, :, 0], of=mesh.surroundings,
-        set_error=before.set_error, hinge=before.hinge, original_set=None)
+        set_error=before.set_error, hinge=before.hinge, original_set=None, strands=strands)
     return after
 
 

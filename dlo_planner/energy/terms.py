@@ -38,7 +38,7 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.energy import contact, elastic, grip, inertia, loads, plastic
+from dlo_planner.energy import contact, elastic, grip, inertia, loads, plastic, strands
 from dlo_planner.energy.contact import add_forces as contact_forces
 from dlo_planner.energy.contact import forbids as contact_blocks
 from dlo_planner.energy.contact import may_act as contact_acts
@@ -59,10 +59,15 @@ from dlo_planner.energy.loads import potential as load_potential
 from dlo_planner.energy.plastic import add_forces as plastic_forces
 from dlo_planner.energy.plastic import add_stiffness as plastic_stiffness
 from dlo_planner.energy.plastic import may_act as plastic_acts
+from dlo_planner.energy.strands import ROWS
+from dlo_planner.energy.strands import add_forces as strand_forces
+from dlo_planner.energy.strands import forbids as strands_block
+from dlo_planner.energy.strands import may_act as strands_act
+from dlo_planner.energy.strands import roundoff as strand_noise
 from dlo_planner.geometry.kinematics import OffNodeLoads, nothing_attached
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 
 
 class Terms(Record):
@@ -74,11 +79,12 @@ class Terms(Record):
     anchor: Any  # Anchor or None
     hold: Any  # HoldRows or None
     contact: Any  # Contact or None
+    strands: Any  # Strands or None
 
 
 # The Python side: `needs`, `hinged` and `made` of those that have them.
 TERMS = {'elastic': elastic, 'plastic': plastic, 'load': loads, 'anchor': inertia, 'hold': grip,
-         'contact': contact}
+         'contact': contact, 'strands': strands}
 
 
 def free_terms(pull: Floats) -> Terms:
@@ -100,6 +106,8 @@ def add_forces(effects, system, state):
     more, terms = grip_forces(effects.hold, system, state)
     energy, size = energy + more, size + terms
     more, terms = contact_forces(effects.contact, system, state)
+    energy, size = energy + more, size + terms
+    more, terms = strand_forces(effects.strands, system, state)
     return energy + more, size + terms
 
 
@@ -115,18 +123,20 @@ def roundoff(effects, system, state, length):
     """Return forces in N whose relative rounding errors those of all terms have."""
     forces = inertia_noise(effects.anchor, system, state, length)
     forces += grip_noise(effects.hold, system, state, length)
+    forces += strand_noise(effects.strands, system, state, length)
     return forces + contact_noise(effects.contact, system, state, length)
 
 
 @kernel
 def forbids(effects, system, before, after):
     """Whether anything forbids the way from a State to another."""
-    return contact_blocks(effects.contact, system, before, after)
+    return (contact_blocks(effects.contact, system, before, after)
+            or strands_block(effects.strands, system, before, after))
 
 
 @kernel
 def may_forbid(effects):
-    """Whether anything ever does."""
+    """Whether anything ever does but the DLO itself, whose strands are nowhere but where it is."""
     return contact_may_block(effects.contact)
 
 
@@ -134,7 +144,8 @@ def may_forbid(effects):
 def may_act(effects, system, strains, positions, before):
     """Whether anything would have a say in a step that was found without it."""
     return (plastic_acts(effects.plastic, system, strains, positions, before)
-            or contact_acts(effects.contact, system, strains, positions, before))
+            or contact_acts(effects.contact, system, strains, positions, before)
+            or strands_act(effects.strands, system, strains, positions, before))
 
 
 @kernel
@@ -172,6 +183,16 @@ class KKTBorder(Record):
     give: Floats  # (1,) by how much each of them gives way, m/N
 
 
+class Coupling(Record):
+    """What pairs of places that touch add to a Newton system, see `minimize.coupling`."""
+
+    rows: Floats     # (R, m, 3) derivatives by the unknowns of what they couple
+    answers: Floats  # (R, m, 3) H^-1 of them
+    weights: Floats  # (R,) second derivatives of the potential by that, N/m
+    factor: Floats   # (R, R) factors of rows answers + 1 / weights
+    used: Ints       # (1,) how many rows there are
+
+
 class Structure(Record):
     """What effects need of the solver; None where no effect that is there ever does."""
 
@@ -180,6 +201,7 @@ class Structure(Record):
     # an empty one of the right sizes, where forces act elsewhere than on nodes
     attached: OffNodeLoads | None
     border: KKTBorder | None  # an empty one of the right number of rows, where something is held
+    coupling: Coupling | None  # an empty one of the most rows there may be, where strands touch
 
 
 def structure_of(effects: Terms, nodes: int) -> Structure:
@@ -189,7 +211,7 @@ def structure_of(effects: Terms, nodes: int) -> Structure:
     if not asked:
         return _nothing_needed()
     displaced = any(one.get('displaced', False) for one in asked)
-    attached = border = None
+    attached = border = coupling = None
     if any('attached' in one for one in asked):
         element = np.concatenate([one.get('element', _NOWHERE) for one in asked])
         attached = nothing_attached(nodes, element)
@@ -197,12 +219,16 @@ def structure_of(effects: Terms, nodes: int) -> Structure:
         held = sum(one.get('rows', 0) for one in asked)
         border = KKTBorder(np.empty((held, 0, 3)), np.empty((held, 0, 3)), np.empty((0, 0)),
                            np.zeros(1))
-    return Structure(displaced, attached, border)
+    if any('pairs' in one for one in asked):
+        most = ROWS * sum(one.get('pairs', 0) for one in asked)
+        coupling = Coupling(np.empty((most, 0, 3)), np.empty((most, 0, 3)), np.empty(most),
+                            np.empty((0, 0)), np.zeros(1, dtype=np.int64))
+    return Structure(displaced, attached, border, coupling)
 
 
 @cache
 def _nothing_needed() -> Structure:
-    return Structure(None, None, None)
+    return Structure(None, None, None, None)
 
 
 _NOWHERE = np.zeros(0, dtype=np.int64)
@@ -216,6 +242,17 @@ def new_border(border, unknowns):
         held = border.rows.shape[0]
         out = KKTBorder(np.empty((held, unknowns, 3)), np.empty((held, unknowns, 3)),
                         np.empty((held, held)), np.zeros(1))
+    return out
+
+
+@kernel
+def new_coupling(coupling, unknowns):
+    """Return an empty Coupling of as many rows, for (m, 3) unknowns; None for None."""
+    out = coupling
+    if coupling is not None:
+        most = coupling.weights.size
+        out = Coupling(np.empty((most, unknowns, 3)), np.empty((most, unknowns, 3)), np.empty(most),
+                       np.empty((most, most)), np.zeros(1, dtype=np.int64))
     return out
 
 

@@ -124,7 +124,7 @@ def _nearest(points: Floats, first: Ints, lengths: Floats, positions: Floats, tu
             if far >= least and far - both >= gap:
                 continue
             for a in range(first[i], first[i + 1]):
-                while looked[a] < first[j + 1] and not _heads_back(points, a, looked[a]):
+                while looked[a] < first[j + 1] and not heads_back(points, a, looked[a]):
                     looked[a] += 1
                 for b in range(max(looked[a], first[j]), first[j + 1]):
                     distance = _apart(points, a, b)
@@ -133,7 +133,7 @@ def _nearest(points: Floats, first: Ints, lengths: Floats, positions: Floats, tu
 
 
 @kernel
-def _heads_back(points, a, b):
+def heads_back(points, a, b):
     """Return whether chord b leads towards the end of chord a, an earlier one, from its start."""
     along = 0.0
     for k in range(3):

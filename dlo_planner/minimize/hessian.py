@@ -12,9 +12,24 @@ import numpy as np
 
 from dlo_planner.energy.potential import element_hessian, value_at
 from dlo_planner.energy.problem import unknown_count
-from dlo_planner.energy.terms import KKTBorder, add_stiffness, new_border, row_count, width
+from dlo_planner.energy.terms import (
+    Coupling,
+    KKTBorder,
+    add_stiffness,
+    new_border,
+    new_coupling,
+    row_count,
+    width,
+)
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.coupling import (
+    correct_for_pairs,
+    coupled,
+    fill_coupling,
+    subtract_coupled,
+    used_rows,
+)
 from dlo_planner.minimize.dense import add_products, factorized, project_all, solve_dense
 from dlo_planner.minimize.kkt import (
     apply_kkt_border,
@@ -52,6 +67,7 @@ class Hessian(Record):
     dense: Floats  # (3 m, 3 m) the whole Hessian, for Ritz; (0, 0) for local
     factor: Floats  # (3 m, 3 m) its factorization
     border: KKTBorder | None  # what is held; None: nothing
+    coupling: Coupling | None  # what touches itself; None: nothing
 
 
 @kernel
@@ -65,7 +81,7 @@ def new_hessian(system):
                    np.empty((3, 3)), np.empty((local, 3, wide)), np.empty((local, 3, 3)),
                    np.empty((local if wide == 3 else 0, 3, 3)), np.empty((size, size)),
                    np.empty((size, size)),
-                   new_border(system.needs.border, m))
+                   new_border(system.needs.border, m), new_coupling(system.needs.coupling, m))
 
 
 @kernel
@@ -76,6 +92,7 @@ def assemble(system, state, hessian):
     if system.basis.shape[1] > 0:
         project_all(system.basis, hessian)
     fill_border(system, state, hessian, hessian.border)
+    fill_coupling(system, state, hessian, hessian.coupling)
     if system.basis.shape[1] > 0:
         if system.proximal_point.shape[0]:
             for i in range(hessian.dense.shape[0]):
@@ -163,10 +180,28 @@ def _bordered(system, hessian, border):
 
 @kernel
 def _factorize_without_border(system, hessian, shift, most):
-    """Return how many pivots are negative; give up where they are more than `most`."""
+    """Return how many eigenvalues are negative; give up where they are more than `most`."""
+    rows = used_rows(hessian.coupling)
+    if rows > 0:
+        most = _ALL  # pairs may hold what falls without them
     if system.basis.shape[1] > 0:
-        return factorized(hessian.dense, hessian.factor, shift, most)
-    return factorize_blocks(hessian, shift, most)
+        negative = factorized(hessian.dense, hessian.factor, shift, most)
+    else:
+        negative = factorize_blocks(hessian, shift, most)
+    return negative + _added_by_pairs(system, hessian, hessian.coupling)
+
+
+@kernel
+def _added_by_pairs(system, hessian, coupling):
+    """Fill what touches itself into a factorization; return how many eigenvalues it makes negative.
+
+    They are fewer than none where pairs hold what falls without them.
+    """
+    if coupling is None:
+        return 0
+    for row in range(coupling.used[0]):
+        _solve_without_pairs(system, hessian, coupling.rows[row], coupling.answers[row])
+    return coupled(coupling)
 
 
 @kernel
@@ -203,12 +238,19 @@ def compliance(system, hessian, loads):
         add_products(hessian.factor, loads, products)
     else:
         add_block_products(hessian, loads, products)
+    subtract_coupled(hessian.coupling, loads, products)
     subtract_held(hessian.border, loads, products)
     return products
 
 
 @kernel
 def _solve_without_border(system, hessian, right, out):
+    _solve_without_pairs(system, hessian, right, out)
+    correct_for_pairs(hessian.coupling, out)
+
+
+@kernel
+def _solve_without_pairs(system, hessian, right, out):
     if system.basis.shape[1] > 0:
         solve_dense(hessian.factor, right, out)
     elif hessian.twist_jacobian.shape[1] == 6:

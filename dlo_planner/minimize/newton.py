@@ -57,6 +57,7 @@ from dlo_planner.energy.problem import (
     is_to_end,
     new_configuration,
 )
+from dlo_planner.energy.strands import pushes_out
 from dlo_planner.energy.terms import forbids, may_forbid, row_count
 from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
 from dlo_planner.geometry.record import Record, copy, put_sum, replaced, scaled_by
@@ -380,9 +381,10 @@ def newton_descent(system: Problem, q: Floats, options: Options,
                 state, trial, energy, noise = trial, state, high, its_noise
                 continue
 
-        # (3) the step: Newton's, or back into the grip (not into obstacles, whose springs only the
-        # potential knows)
-        back = held and leans and missed > _ASTRAY * length and not may_forbid(system.effects)
+        # (3) the step: Newton's, or back into the grip (not into obstacles or other strands, whose
+        # springs only the potential knows)
+        back = (held and leans and missed > _ASTRAY * length and not may_forbid(system.effects)
+                and not pushes_out(system.effects.strands, system, state))
         put_scaled(0.0 if back else -1.0, state.gradient, trial.gradient)
         solve_held(system, hessian, trial.gradient, miss, step, reaction)
         gain, turn = -dot(state.gradient, step), largest_turn(system, hessian, step)

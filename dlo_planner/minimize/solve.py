@@ -81,6 +81,7 @@ class Solution(NamedTuple):
     kicks: int
     violation: float   # m
     acts: bool         # whether something would have, without which it was found
+    strands: Any = None  # Strands: pairs of elements that bear on each other
 
 
 @kernel

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, instance, items, number, returned, vector
+from dlo_planner.model.checks import choice, flag, instance, items, number, returned, vector
 from dlo_planner.model.holds import FarEnd  # noqa: F401  (where pickles of old look for it)
 from dlo_planner.model.obstacles import OBSTACLES, Mesh, Obstacle, Sheet
-from dlo_planner.model.rod import Rod, part_of_rod
+from dlo_planner.model.rod import Rod, Surface, part_of_rod
 from dlo_planner.model.value import Value, put
 from dlo_planner.model.varying import Mapped, Profile, breaks_of, resolved
 
@@ -86,6 +86,7 @@ class Surroundings(Value):
     obstacles: tuple[Obstacle, ...] = ()
     point_loads: tuple[AnyLoad, ...] = ()
     grip: str = 'clamped'  # one of GRIPPERS: how the gripper holds the DLO's beginning
+    self_contact: bool = False  # whether strands of the DLO keep each other off
 
     def __post_init__(self) -> None:
         instance('rod', self.rod, Rod)
@@ -104,11 +105,25 @@ class Surroundings(Value):
             raise InvalidTask('grip = \'pinned\': expected \'clamped\' where dead moments act')
         if self.load is not None and not callable(self.load):
             put(self, load=vector('load', self.load, 3))
+        flag('self_contact', self.self_contact)
+        if self.self_contact:
+            self._judge_self_contact()
         hollow = next((one for one in self.obstacles if isinstance(one, Sheet | Mesh)), None)
         if self.rod.radius is None and hollow is not None:
             raise InvalidTask('Rod.radius = None: expected the DLO\'s radius where a '
                               f'{type(hollow).__name__} is an obstacle')
         super().__post_init__()
+
+    def _judge_self_contact(self) -> None:
+        if self.rod.radius is None:
+            raise InvalidTask('Rod.radius = None: expected the DLO\'s radius with self_contact')
+        for given, what in ((self.pinned, "grip = 'pinned'"), (self.obstacles, 'obstacles'),
+                            (self.rod.yields, 'a rod that yields'),
+                            (Surface.of(self.rod).half is not None, 'a rectangular section'),
+                            (self.has_moments, 'dead moments'),
+                            (self.other_loads, 'point_loads that are no PointLoad')):
+            if given:
+                raise InvalidTask(f'self_contact = True: expected False with {what}')
 
     def of_rod(self, rod: Rod) -> Self:
         """Return the same about another Rod (as long or not).

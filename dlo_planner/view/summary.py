@@ -122,6 +122,10 @@ def _shape_rows(shape: Shape) -> list[Row]:
         rows.append(('margin to the sharpest bend allowed', figure(shape.bend_margin), '1/m'))
     if np.isfinite(shape.self_distance):
         rows.append(('axis from itself', figure(shape.self_distance), 'm'))
+    if shape.self_contacts:
+        rows += [('touches itself', str(len(shape.self_contacts)), ''),
+                 ('largest force on itself',
+                  figure(max(one.force for one in shape.self_contacts)), 'N')]
     if shape.contacts:
         rows += [('contacts', str(len(shape.contacts)), ''),
                  ('largest contact force', figure(max(one.force for one in shape.contacts)), 'N'),

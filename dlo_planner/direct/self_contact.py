@@ -1,0 +1,125 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A DLO that touches itself: which pairs of its elements bear, and how much.
+
+Newton's method seeks the minimum with springs between strands and forces that stand beside them
+(`energy.strands`); then the forces take over what the springs bore, until these bear nothing
+(method of multipliers: Nocedal and Wright, ch. 17.4). Pairs are looked for anew in each round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from dlo_planner.direct.discretization import Discretization, Memory
+from dlo_planner.direct.search import KEPT, Search
+from dlo_planner.direct.self_passage import bends_little
+from dlo_planner.direct.shape import Shape
+from dlo_planner.energy.potential import configuration_at
+from dlo_planner.energy.problem import Problem
+from dlo_planner.energy.strands import Strands, bears, near_pairs, nearest_points
+from dlo_planner.minimize.solve import Solution
+from dlo_planner.model.arrays import Floats, Ints
+
+_MORE = 5          # times the steps of a search: a DLO that falls winds itself up bit by bit
+_ROUGH = 1e-3      # residual
+_STEPS = 10        # of Newton's method until pairs are looked for anew,
+_FREE = 100        # and where none are near
+_CREEPS = 1e-3     # of the length: what moves by less in so many steps does not fall
+_WATCHED = 0.5     # of the larger radius: pairs as near as that beyond both radii are looked at
+_FALLEN = 1.5      # rad: what bends or twists by more in a step, in all, may have fallen
+_EXACT = 1e-7      # of the length: depths aimed at
+_SPRING = 30.0     # times EI / (r l^2), with l the mean length of elements: the springs
+
+
+def may_have_met(previous: Shape, shape: Shape) -> bool:
+    """Return whether strands may have met on the way from one Shape to another, however it went.
+
+    They have not where each is farther from all others than both move, seen from the gripper. What
+    bends or twists by much has fallen, and may have made and lost a loop on its way.
+    """
+    mesh, places, strains = shape.state.made_on, previous.positions, previous.element_strains
+    if not mesh.has_nodes(previous.s):
+        places, strains = previous.positions_at(mesh.s), mesh.strains_from(previous.s, strains)
+    change = np.linalg.norm(shape.element_strains - strains, axis=1)
+    if float(mesh.free.lengths @ change) > _FALLEN:
+        return True
+    if bends_little(previous) and bends_little(shape):
+        return False
+    before, after = ((one - one[0]) @ frame for one, frame in (
+        (places, previous.frames[0]), (shape.positions, shape.frames[0])))
+    moved = float(np.linalg.norm(after - before, axis=1).max())
+    return any(len(_pairs(mesh.free.lengths, bends, one, mesh.radii, 2.0 * moved))
+               for one, bends in ((before, strains), (after, shape.element_strains)))
+
+
+def kept_apart(mesh: Discretization, memory: Memory, system: Problem, strains: Floats, how: Search,
+               solved: Callable[[Problem, Floats, Search], Solution]) -> Solution:
+    """Return the Solution in which no strand is in another.
+
+    Its Strands are those that are near; `memory` is what the step begins with. `solved` returns the
+    Solution that a Search reaches from strains (N, 3).
+    """
+    lengths, radii, spring = mesh.free.lengths, mesh.radii, mesh.pair_spring
+    positions = np.array(configuration_at(system, strains).positions + system.origin)
+    known = {(i, j): force for (i, j), force in zip(
+        mesh.pairs_at(memory.strands).tolist(), memory.strands[:, 2].tolist(), strict=True)}
+    length, check, iterations, kicks = float(mesh.s[-1]), False, 0, 0
+    while True:
+        strands = _near(lengths, strains, positions, radii, known, spring)
+        steps = _STEPS if len(strands.pair) else _FREE
+        end = solved(system._replace(strands=strands), strains,
+                     how._replace(steps=steps, check=check))
+        iterations, kicks = iterations + end.iterations, kicks + end.kicks
+        end = end._replace(iterations=iterations, kicks=kicks, strands=strands)
+        moved = float(np.abs(end.positions - positions).max())
+        strains, positions = end.strains, end.positions
+        borne, off = _borne(lengths, positions, strands)
+        if end.residual < _ROUGH:  # else forces are those of a shape that is none
+            known = borne
+        watched = {tuple(pair) for pair in strands.pair.tolist()}
+        inside = _pairs(lengths, strains, positions, radii, 0.0)
+        if (end.stationary and end.violation <= KEPT * length and off <= _EXACT * length
+                and all(tuple(pair) in watched for pair in inside.tolist())):
+            if check or not how.check:
+                return end
+            check = True
+        elif (iterations >= _MORE * how.steps or not end.residual < np.inf
+              or not len(strands.pair) and end.iterations >= _FREE and moved < _CREEPS * length):
+            return end
+
+
+def _near(lengths: Floats, strains: Floats, positions: Floats, radii: Floats,
+          known: dict[tuple[int, int], float], spring: float) -> Strands:
+    """Return the Strands of pairs that are near, with the forces that are known."""
+    pairs = _pairs(lengths, strains, positions, radii, _WATCHED * float(radii.max()))
+    forces = np.array([known.get((i, j), 0.0) for i, j in pairs.tolist()])
+    return Strands(pairs, forces, radii[pairs].sum(axis=1), radii, spring)
+
+
+def _pairs(lengths: Floats, strains: Floats, positions: Floats, radii: Floats,
+           gap: float) -> Ints:
+    """Return (P, 2) the pairs nearer than both radii and a gap, m."""
+    # (what could be written, and what not, are two types for kernels)
+    copied, strained, placed = np.array(lengths), np.array(strains), np.array(positions)
+    found = np.empty((4 * lengths.size, 2), dtype=np.int64)
+    count = near_pairs(copied, strained, placed, radii, gap, found)
+    if count > len(found):
+        found = np.empty((count, 2), dtype=np.int64)
+        near_pairs(copied, strained, placed, radii, gap, found)
+    return found[:count]
+
+
+def _borne(lengths: Floats, positions: Floats,
+           strands: Strands) -> tuple[dict[tuple[int, int], float], float]:
+    """Return the forces of pairs, N, and by how much the springs still bear, m."""
+    known, off = {}, 0.0
+    for p, (i, j) in enumerate(strands.pair.tolist()):
+        distance = nearest_points(lengths, positions, i, j)[2]
+        force = float(bears(strands, p, distance))
+        off = max(off, abs(force - float(strands.pair_force[p])) / strands.pair_spring)
+        if force > 0.0:
+            known[i, j] = force
+    return known, off

@@ -1,0 +1,139 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A DLO that touches itself: a twisted rod that throws a loop, against what does not depend on it.
+
+What balance, link and the distance of the strands say; Clauvelin, Audoly and Neukirch's
+plectonemes are in the registry of validations (`benchmarks/strands.py`).
+"""
+
+import numpy as np
+import pytest
+
+from dlo_planner import DirectSimulator, FarEnd, InvalidTask, Plane, Pose, Rod
+from dlo_planner.direct.shape import Shape
+from dlo_planner.geometry.writhe import link
+
+LENGTH, RADIUS, EI = 0.6, 0.006, 1.2e-3
+ROD = Rod(length=LENGTH, mass_per_length=0.035, bending_stiffness=EI,
+          torsional_stiffness=0.8 * EI, radius=RADIUS)
+GRIPPER = Pose.looking_along((0, 0, 0), (1, 0, 0))
+LAST = 4.25  # turns
+
+
+def far(turns, x=0.45):
+    a = 2 * np.pi * turns
+    about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    return FarEnd(Pose.from_rotation(np.array([x, 0, 0]), GRIPPER.rotation @ about_x))
+
+
+def simulator(**more):
+    return DirectSimulator(ROD, basis='local', n_elements=48, gravity=(0, 0, 0), **more)
+
+
+def wound(one, step=0.25):
+    """Return the shapes as the far end is turned."""
+    turns = np.arange(0.0, LAST + 1e-9, step)
+    return one.track([GRIPPER] * turns.size, far_ends=[far(turn) for turn in turns])
+
+
+@pytest.fixture(scope='module')
+def shapes():
+    """Return the shapes of a rod that throws a loop and touches itself there."""
+    return wound(simulator(self_contact=True))
+
+
+def links(found):
+    return [float(link(np.diff(one.s), *(np.array(part) for part in (
+        one.element_strains, one.frames, one.positions)), 0.0)) for one in found]
+
+
+def test_a_twisted_rod_throws_a_loop_that_bears_on_itself(shapes):
+    last = shapes[-1]
+    assert all(one.converged for one in shapes)
+    assert not shapes[4].self_contacts
+    assert last.self_contacts
+    assert all(one.passed_itself is False for one in shapes)
+    assert last.lies_in_itself is False
+    assert last.self_distance > 1.98 * RADIUS
+    assert last.stability > -1e-6  # it may spin about the line between its grips
+    for one in last.self_contacts:
+        assert 0 < one.s < one.other_s < LENGTH
+        assert one.force > 0
+        assert one.penetration < 1e-6 * LENGTH
+        assert np.linalg.norm(one.normal) == pytest.approx(1.0)
+        place = last.positions_at(np.array([one.s, one.other_s]))
+        assert one.normal @ (place[0] - place[1]) == pytest.approx(2 * RADIUS, rel=0.02)
+
+
+def test_its_link_is_that_of_its_grips(shapes):
+    # without contact two turns are lost as it passes through itself
+    known = links(shapes)
+    np.testing.assert_allclose(np.diff(known), 0.25, atol=0.02)
+    lost = wound(simulator())
+    assert any(one.passed_itself is not False for one in lost)
+    assert links(lost)[-1] < known[-1] - 1.0
+
+
+def test_forces_balance_and_what_is_inside_agrees_with_its_strains(shapes):
+    last = shapes[-1]
+    total = last.gripper_wrench[:3] + last.far_wrench[:3]
+    assert np.abs(total).max() < 1e-8 * np.abs(last.far_wrench[:3]).max()
+    inside = last.section_forces
+    assert inside.imbalance < 1e-8
+    # moments of the balance against those of the strains, at the middles of the elements
+    moments = inside.at_nodes(last.s)[1]
+    means = 0.5 * (moments[1:] + moments[:-1])
+    stiffness = np.array([0.8 * EI, EI, EI])
+    wanted = last.element_strains * stiffness
+    assert np.abs(means - wanted).max() < 0.05 * np.abs(wanted).max()
+
+
+def test_energy_is_least_where_no_strand_is_in_another(shapes):
+    # the forces on the strands are the slope of the least energy by their radius
+    last, change = shapes[-1], 1e-5
+    energies = []
+    for radius in (RADIUS - change, RADIUS + change):
+        thick = Rod(length=LENGTH, mass_per_length=0.035, bending_stiffness=EI,
+                    torsional_stiffness=0.8 * EI, radius=radius)
+        one = DirectSimulator(thick, basis='local', n_elements=48, gravity=(0, 0, 0),
+                              self_contact=True)
+        there = one.solve(GRIPPER, last, far_end=far(LAST))
+        assert there.converged
+        energies.append(there.energy)
+    slope = (energies[1] - energies[0]) / (2 * change)
+    assert slope == pytest.approx(2.0 * sum(one.force for one in last.self_contacts), rel=1e-3)
+
+
+def test_what_is_found_is_kept_in_files(shapes, tmp_path):
+    last = shapes[-1]
+    last.save(tmp_path / 'loop.npz')
+    known = Shape.load(tmp_path / 'loop.npz')
+    assert known.self_contacts == last.self_contacts
+    assert known.history == last.history
+
+
+def test_what_does_not_bend_back_is_as_without():
+    poses = [Pose.looking_along((0, 0, 0), (1, 0, z)) for z in (0.0, 0.2, 0.5)]
+    one, other = simulator(self_contact=True), simulator()
+    for pose in poses:
+        np.testing.assert_array_equal(one.solve(pose).positions, other.solve(pose).positions)
+
+
+@pytest.mark.parametrize(('more', 'message'), [
+    ({'obstacles': [Plane((0, 0, -1), (0, 0, 1))]}, 'expected False with obstacles'),
+    ({'grip': 'pinned'}, "expected False with grip = 'pinned'"),
+])
+def test_what_it_does_not_go_with_is_refused(more, message):
+    with pytest.raises(InvalidTask, match=message):
+        simulator(self_contact=True, **more)
+
+
+def test_motions_are_refused():
+    with pytest.raises(InvalidTask, match='self_contact = True: expected'):
+        simulator(self_contact=True).simulate([GRIPPER] * 3, 0.01)
+
+
+def test_it_needs_a_radius():
+    bare = Rod(length=1.0, mass_per_length=0.1, bending_stiffness=1.0, torsional_stiffness=1.0)
+    with pytest.raises(InvalidTask, match=r'Rod\.radius = None'):
+        DirectSimulator(bare, self_contact=True)

@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Pairs of elements that keep each other off, against differences, SciPy and dense matrices."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from dlo_planner.direct.discretization import Discretization, even_mesh
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.problem import new_configuration
+from dlo_planner.energy.strands import SOFT, Strands, near_pairs, nearest_points
+from dlo_planner.geometry.self_distance import self_distance
+from dlo_planner.minimize.hessian import assemble, factorize, new_hessian, solve
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.supports import Surroundings
+
+N, RADIUS = 12, 0.02
+ROD = Rod(length=1.0, mass_per_length=0.1, bending_stiffness=0.02, torsional_stiffness=0.015,
+          natural_curvature=(9.0, 0.0), natural_twist=2.0, radius=RADIUS)
+
+
+@pytest.fixture(params=['local', 'chebyshev'])
+def coil(request):
+    """Return a coil of which two turns touch, and the unknowns of a shape near it."""
+    around = Surroundings(ROD, np.zeros(3), self_contact=True)
+    mesh = Discretization(around, even_mesh(1.0, N, np.zeros(0)), request.param, 6)
+    pairs = np.array([[0, 8], [1, 9], [2, 10], [2, 9]])
+    system = mesh.full._replace(strands=Strands(
+        pairs, np.array([0.3, 0.0, 0.1, 0.2]), np.full(4, 0.25), mesh.radii, 4.0))
+    q = mesh.unknowns(mesh.natural + np.random.default_rng(3).normal(scale=0.2, size=(N, 3)))
+    return system, q
+
+
+def at(system, q):
+    state = new_configuration(system)
+    state.q[:] = q
+    return evaluate(system, state)[0], state
+
+
+def matrix_of(system, q):
+    """Return the second derivatives of the potential by the unknowns, by differences."""
+    columns, step = [], 1e-6
+    for index in np.ndindex(q.shape):
+        change = np.zeros_like(q)
+        change[index] = step
+        up, down = (at(system, q + sign * change)[1].gradient for sign in (1, -1))
+        columns.append((up - down).ravel() / (2 * step))
+    return np.array(columns)
+
+
+def test_gradient_against_differences(coil):
+    system, q = coil
+    _, state = at(system, q)
+    assert np.abs(state.pull).max() > 0.05  # they bear
+    for index in np.ndindex(q.shape):
+        change = np.zeros_like(q)
+        change[index] = 1e-6
+        slope = (at(system, q + change)[0] - at(system, q - change)[0]) / 2e-6
+        assert state.gradient[index] == pytest.approx(slope, abs=1e-8)
+
+
+def test_solutions_and_inertia_against_a_dense_matrix(coil):
+    system, q = coil
+    _, state = at(system, q)
+    hessian, matrix = new_hessian(system), matrix_of(system, q)
+    assemble(system, state, hessian)
+    assert hessian.coupling.used[0] > 10
+    values = np.linalg.eigvalsh(matrix)
+    right, out = np.random.default_rng(1).normal(size=q.shape), np.empty(q.shape)
+    for shift in (0.0, -0.5 * (values[2] + values[3]), -0.5 * (values[9] + values[10])):
+        negative = factorize(system, hessian, shift)
+        assert negative == (values + shift <= 0.0).sum()
+        solve(system, hessian, right, out)
+        left = (matrix + shift * np.eye(len(matrix))) @ out.ravel()
+        np.testing.assert_allclose(left, right.ravel(), atol=2e-6 * np.abs(out).max())
+
+
+def test_nearest_points_of_chords_against_scipy():
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        points = rng.normal(size=(4, 3))
+        lengths = np.array([np.linalg.norm(points[1] - points[0]), 1.0,
+                            np.linalg.norm(points[3] - points[2])])
+        s, t, distance = nearest_points(lengths, points, 0, 2)
+
+        def square(x, points=points, lengths=lengths):
+            w = (points[0] + x[0] * (points[1] - points[0]) - points[2]
+                 - x[1] * (points[3] - points[2]))
+            return w @ w + SOFT * (lengths[0] ** 2 * (x[0] - 0.5) ** 2
+                                   + lengths[2] ** 2 * (x[1] - 0.5) ** 2)
+
+        best = min((minimize(square, begin, bounds=[(0, 1)] * 2, tol=1e-14)
+                    for begin in ([0.5, 0.5], [0.1, 0.9], [0.9, 0.1])), key=lambda one: one.fun)
+        assert distance == pytest.approx(np.sqrt(best.fun), abs=1e-6)
+        assert square((s, t)) == pytest.approx(distance ** 2, abs=1e-12)
+
+
+def test_pairs_are_those_that_the_self_distance_is_of():
+    mesh = Discretization(Surroundings(ROD, np.zeros(3), self_contact=True),
+                          even_mesh(1.0, 60, np.zeros(0)), 'local', 0)
+    system = mesh.system(np.eye(3))
+    _, state = at(system, mesh.unknowns(mesh.natural))
+    arrays = [np.array(one) for one in (system.lengths, state.strains, state.positions)]
+    gap = self_distance(arrays[0], arrays[1], np.array(state.rotations), arrays[2], mesh.radii,
+                        np.inf, np.inf)[1]
+    found = np.empty((500, 2), dtype=np.int64)
+    assert near_pairs(*arrays, mesh.radii, gap - 2e-3, found) == 0
+    count = near_pairs(*arrays, mesh.radii, gap + 2e-3, found)
+    assert 0 < count < 500
+    assert (found[:count, 1] - found[:count, 0] > 20).all()  # none of one turn
