@@ -117,7 +117,7 @@ class Looking(NamedTuple):
 
     phase: str = 'look'
     tries: int = 0
-    promised: float = np.nan
+    miss_bound_95: float = np.nan
 
 
 @dataclass(frozen=True)

@@ -279,7 +279,7 @@ def _estimate_rows(estimate: Estimate) -> list[Row]:
             ('last look could be used', 'yes' if estimate.converged else 'no', ''),
             ('misfit', figure(estimate.misfit), 'm'),
             ('outliers', figure(estimate.outliers), ''),
-            ('surprise', figure(estimate.surprise), ''),
+            ('normalized innovation', figure(estimate.normalized_innovation), ''),
             *(_deviating(name, value, estimate.deviations[name])
               for name, value in estimate.values.items())]
 

@@ -20,7 +20,7 @@ from dlo_planner.arm.joint_stream import JointStream, followed, settling_time
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Feedback, Guards
-from dlo_planner.identify.online_trajectory import Change, Steered
+from dlo_planner.identify.online_trajectory import Change, CorrectedTrajectory
 from msg_helpers.trajectories import joint_points_msg
 
 LIMITS, PERIOD, RATE = Limits(), 0.02, 0.002
@@ -187,9 +187,9 @@ def test_a_correction_is_spliced_in_where_nothing_was_told_yet():
     cell = Cell(ur5(), UR5_READY, going, late=0.09, seed=5)
 
     def corrects(cell):
-        steered = replace(Steered(going, np.array([0.8, 0.7, 0.1])),
+        spliced = replace(CorrectedTrajectory(going, np.array([0.8, 0.7, 0.1])),
                           changes=(Change(cell.execution.free, np.zeros(1), moved),))
-        cell.execution = cell.execution.corrected(steered)
+        cell.execution = cell.execution.corrected(spliced)
         assert not cell.execution.refusal
         cell.way = cell.execution.way
 
