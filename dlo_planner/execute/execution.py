@@ -162,7 +162,13 @@ class Execution:
 
     def stop(self, cause: Cause, reason: str, at_once: bool = False,
              lasting: float = 0.0) -> 'Execution':
-        """Return the execution that decelerates, for the first reason that was given."""
+        """Return the execution that decelerates, for the first reason that was given.
+
+        A robot that does not follow its stop has not heard of it: that counts more than the reason.
+        """
+        if self.phase == 'stopping' and cause is Cause.PATH_TOLERANCE is not self.cause:
+            return replace(self, cause=cause, reason=f'{self.reason}; the stop is not followed: '
+                                                     f'{reason}')
         if self.phase not in ('running', 'settling', 'waiting'):
             return self
         named = replace(self, cause=cause, reason=reason, since=0.0)
@@ -461,12 +467,13 @@ class Execution:
         barred = guards.barred(self.enabled, self.last or 0.0)
         if barred:
             return Cause.NOT_ENABLED, barred
-        if self.phase != 'running' or feedback is None or self.command is None:
+        stops = self.phase == 'stopping' and self.horizon > 0  # by a message that may be lost
+        if not (self.phase == 'running' or stops) or feedback is None or self.command is None:
             return None
         away = self._left(feedback, stamp)
         if away is not None:
             return Cause.PATH_TOLERANCE, away
-        if guards.path_shape and feedback.deviation > guards.path_shape:
+        if not stops and guards.path_shape and feedback.deviation > guards.path_shape:
             return (Cause.SHAPE_TOLERANCE, f'the DLO is {feedback.deviation:.3g} m from its plan: '
                     f'expected constraints.path.shape = {guards.path_shape:g} m at most')
         return None

@@ -367,7 +367,8 @@ def _grasp_rows(found: Any) -> list[Row]:
 
 
 def _deviating(name: str, number: float, deviation: float) -> Row:
-    said = f'+- {deviation:.2g}' if np.isfinite(deviation) else 'not told by the observations'
+    said = (f'+- {deviation:.2g}' if np.isfinite(deviation)
+            else 'not resolvable from the observations')
     return name, figure(number), f'{said} {unit_of(name)}'.rstrip()
 
 
