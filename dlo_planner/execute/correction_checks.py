@@ -24,13 +24,13 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.trajectory.trajectory import Trajectory
 
 _ANSWER = 2.0  # a DLO moves by less than so many times a jerk of its gripper
-_ERRORS = 5.0  # standard deviations by which points may be off on the mean
-_MORE = 0.2    # of the points, by which more may be none of the DLO's than are expected
+_ERRORS = 5.0  # Points may be off by so many standard deviations on the mean.
+_MORE = 0.2    # So much larger than expected may the fraction of outliers be.
 _SOME = 0.95   # of them
-_COMPUTING = 0.3  # s that a correction takes to be computed
-_STOPPING = 3.0  # s before the entry, at which a motion can still come to rest in front of it
+_COMPUTING = 0.3  # s; a correction is computed in this time.
+_STOPPING = 3.0  # s; a motion can come to rest before the entry until so long before it.
 _ANY_WINDOWS = np.full(3, NARROWEST)  # s, where nothing is blended in
-_WAYPOINTS = 5   # whose miss is predicted, evenly from the entry to the depth
+_WAYPOINTS = 5   # The miss is predicted of so many, evenly from the entry to the depth.
 
 
 def disagreement(observing: DloEstimator) -> str:

@@ -31,20 +31,20 @@ from dlo_planner.trajectory.modal_response import slowest_period
 from dlo_planner.trajectory.timed_path import TimedPath
 
 _UNWATCHED = Guards(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, True, 0.0)
-# phases of what is not at its end
+# The phases of an execution that has not ended.
 ACTIVE = ('running', 'settling', 'stopping', 'waiting')
-_OFTEN = 0.2  # of the horizon, after which the next preview is sent
-LEAD = 0.1    # s until a robot hears that it has to stop
-_REMEMBERED = 1.0  # s, for which it is known what was commanded when
-_LATE = 0.25  # s without a command after which a robot that waits for one stands still
-_LONGER = 1.0, 1.4, 2.0, 2.8  # times as long as a correction is blended in
-_CORRECTED = 0.98  # of the limits, which a motion that is corrected may use
-_COARSE = 4   # periods, in which what is blended in changes little
+_OFTEN = 0.2  # The next preview is sent after this fraction of the horizon.
+LEAD = 0.1    # s; a robot has heard by then that it has to stop.
+_REMEMBERED = 1.0  # s; for so long it is known when something was commanded.
+_LATE = 0.25  # s; a robot that waits for a command for longer stands still.
+_LONGER = 1.0, 1.4, 2.0, 2.8  # A correction is blended in over so many times its time, in turn.
+_CORRECTED = 0.98  # A motion that is corrected may use this fraction of the limits.
+_COARSE = 4   # periods; what is blended in changes little in them.
 _SAMPLES, _SAME_TIME = 25, 1e-9  # s
-_SEEN = 3     # commands before the next one that tell its jerk
-_NOTICED = 1e-3, 5e-3  # m, rad from where a way begins: less is left to the robot, as always
+_SEEN = 3     # The jerk of a command follows from it and so many before it.
+_NOTICED = 1e-3, 5e-3  # m, rad; a robot that is nearer to the beginning goes there by itself.
 _AGO = -1e6    # s
-_LEAST_WINDOW, _NEXT = 0.1, 1.1  # s; and from one duration that is tried to the next
+_LEAST_WINDOW, _NEXT = 0.1, 1.1  # s; each duration that is tried is so many times the last one.
 EXACT = 1 + 1e-3  # of a limit: differences of rounded numbers
 
 
@@ -350,7 +350,7 @@ class Execution:
         part = np.inf
         for longer in _LONGER:
             windows = longer * way.windows
-            # what was changed before must be over by these windows as well, or it would jump
+            # What was changed before must have ended by these windows too, or the pose would jump.
             if longer > 1 and (windows.sum() > longest or windows.max() > WIDEST
                                or last + windows.sum() > self.free):
                 break
@@ -389,7 +389,7 @@ class Execution:
                             published_until=self.done)
             return first._commanded([self.done]).settled()
         if self.phase == 'settling':
-            # where this machine is late the gripper may be, or what is heard of it
+            # Where this machine is late, the gripper may be late too, or what is heard of it.
             passed = self.period if steps and self.alone else 0.0
             out = replace(self, since=self.since + passed)
             return (replace(out, sending=self.command) if steps else out).settled()
@@ -406,7 +406,7 @@ class Execution:
         known = list(self.pace[:steps])
         last = known[-1] if known else self.done
         even = self.period if self.phase == 'running' else 0.0
-        # a clock that leaps asks for more than there is
+        # A clock that jumps ahead asks for more than there is.
         left = int(np.ceil(max(self.way.duration - last, 0.0) / self.period)) + 1 if even else 1
         more = [last + even * k for k in range(1, min(steps - len(known), left) + 1)]
         return [min(place, self.way.duration) for place in known + more]

@@ -64,20 +64,20 @@ from dlo_planner.trajectory.modal_response import Turns, vibrated
 from dlo_planner.trajectory.timed_path import TimedPath
 from dlo_planner.trajectory.trajectory import Trajectory, simulator_of
 
-_FOR_MOTION = 0.25  # part of the room by which the DLO may swing when it waits at the standoff
+_FOR_MOTION = 0.25  # At the standoff the DLO may vibrate by this fraction of the room.
 _SLOWER = 1.0, 0.7, 0.5, 0.35, 0.25  # of the speed that limits allow, until
-_AT_MOST = 0.75     # of the room is what the DLO may miss at rest
-_OF_SPARE = 0.6     # part of the room that the bound leaves, which motion may use: far below 1 mm
-                    # the search takes long and finds motions that take four times as long
-_FOR_CORRECTIONS = 0.05  # part of the room by which a bound may grow until the entry
-LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion
+_AT_MOST = 0.75     # At rest the DLO may miss by this fraction of the room.
+_OF_SPARE = 0.6     # Motion may use this fraction of the room that the bound leaves. Far below 1 mm
+                    # the search takes long, and the motions it finds four times as long.
+_FOR_CORRECTIONS = 0.05  # Until the entry a bound may grow by this fraction of the room.
+LEAST_FOR_MOTION = 0.1  # This fraction of the room is kept for the DLO's deviation in motion.
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
-_ALONG = 0.01       # rad: along the normal it passes within rounding, obliquely far beyond this
-_OF_LIMITS = 0.95   # that motions are made for: the rest is for corrections
-_BACK = 12, 24, 48, 96, 192  # poses on the way back, as many as keep to the way there
-_STEP = 0.01        # of the length: from pose to pose on the way onto a contact
-_TRIED = 200        # times at which it is looked where on its way the gripper stands
-_WINDOW = 0.1       # of the slowest period, of each of three windows that smooth a step
+_ALONG = 0.01       # rad; along the normal it passes within rounding, obliquely far beyond this.
+_OF_LIMITS = 0.95   # Motions are made for this fraction of the limits; corrections have the rest.
+_BACK = 12, 24, 48, 96, 192  # Poses on the path back, until they keep to the path there.
+_STEP = 0.01        # of the length; from pose to pose on the path onto a contact.
+_TRIED = 200        # The place of the gripper on its path is sought at so many times.
+_WINDOW = 0.1       # of the slowest period; three windows of this width smooth a step.
 _PULSES = 10       # steps aside and back again, one after the other
 _APART = 0.15      # of the slowest period, from one to the next
 _ASIDE = 2         # of them, until it goes back

@@ -49,20 +49,20 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.requirements import Limits
 
-_MOVED = 1e-4       # m, or of unit vectors: the gripper has left the standoff
+_MOVED = 1e-4       # m, or of unit vectors; a gripper that moved by more has left the standoff.
 _TRIED = 200        # times at which it is looked where on its way the gripper stands
-_ASIDE = 0.02, 0.1  # m, rad: a gripper that is farther from where it stood was moved
-_CALM_STOP = 2.0    # slowest periods in which a motion comes to rest, where there is room
-_OF_THE_WAY = 0.3   # to the entry, on which it comes to rest where it can: it may swing ahead
-_FOLLOWED = 0.3     # s after the last command until the gripper is at rest
-_SWINGS = 0.6       # of the swing that is tolerated, from which on it is taken away
-_TOLD = 2.0         # times as large a swing tells of the delay
+_ASIDE = 0.02, 0.1  # m, rad; a gripper that is farther from where it stood was moved.
+_CALM_STOP = 2.0    # slowest periods; a motion comes to rest in them, where it can.
+_OF_THE_WAY = 0.3   # It comes to rest on this fraction of the path to the entry, where it can.
+_FOLLOWED = 0.3     # s; the gripper is at rest so long after the last command.
+_SWINGS = 0.6       # A vibration above this fraction of the tolerated one is taken away.
+_CLEAR = 2.0        # A vibration that is so many times larger shows the delay as well.
 _SEEING, _AGAIN = 1.5, 0.25  # s, in which a swing is looked at, until it is tried again
-_LOOK_LONGER = 2.0  # times as long as a look lasts it goes on until a whole period is seen, at most
-_LONGEST_SEEING = 6.0  # s, after which it is believed to be none where nothing was seen
-_SURE = 2.0         # standard deviations by which a vibration has to exceed noise
-_OF_STANDOFF = 0.2  # by which a gripper may move to take a swing away
-_CALMINGS = 6       # in one look
+_LOOK_LONGER = 2.0  # A look goes on until a whole period is seen, so many times as long at most.
+_LONGEST_SEEING = 6.0  # s; what was not seen to vibrate until then is believed to be at rest.
+_SURE = 2.0         # A vibration has to exceed noise by so many standard deviations.
+_OF_STANDOFF = 0.2  # To take a vibration away the gripper may move by this fraction of it.
+_CALMINGS = 6       # So often a vibration is taken away in one look.
 _CLOSELY = 1.5      # s before the entry, in which each cloud is looked at: a slip has to be seen
 _PLANNED = 1e-4     # m, by which a plan misses centers and says so
 _MUCH = 1.5         # times as far off as stated: a camera that is said to be the cause
@@ -334,7 +334,7 @@ class TaskLoop:
         """
         task, farthest = self._task, min(FARTHEST, _OF_STANDOFF * self._task.standoff)
         last = self._calmed
-        if last is not None and last.before.amplitude > _TOLD * _SWINGS * self._task.tolerance:
+        if last is not None and last.before.amplitude > _CLEAR * _SWINGS * self._task.tolerance:
             self._delay = last.delay(seen)
         period = self._execution_of.keywords['period']
         found = Calming.of(seen, time + self._heard_after, self._delay, self._here,

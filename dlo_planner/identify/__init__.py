@@ -9,7 +9,7 @@ from dlo_planner.identify.fit import Fit
 from dlo_planner.identify.observation import Observation, ObservedMotion, gripper_at
 from dlo_planner.identify.online_trajectory import CorrectedTrajectory
 
-Steered = CorrectedTrajectory  # its earlier name, for one release
-
 __all__ = ['CorrectedTrajectory', 'Correction', 'Estimate', 'Fit', 'Observation', 'ObservedMotion',
-           'Phase', 'PredictedMiss', 'Steered', 'correct', 'gripper_at']
+           'Phase', 'PredictedMiss', 'correct', 'gripper_at']
+
+Steered = CorrectedTrajectory  # its earlier name, for one release
