@@ -38,31 +38,30 @@ from dlo_planner.uncertainty.parameters import Uncertainty
 from dlo_planner.uncertainty.state import CAMERA, CameraError
 
 _REMEMBERED = 1000   # gripper poses: 2 s of them at 500 Hz
-_ABOUT = 0.25        # s before and after a stamp: from which speed and acceleration are fitted
+_ABOUT = 0.25        # s before and after a stamp; speed and acceleration are fitted to them.
 _SAG, _WEIGHT = 0.5, 9.81  # of the length: how far weight bends a soft DLO; m/s^2
-_MOST_POINTS = 100   # of a cloud: more tell little more and take long
+_MOST_POINTS = 100   # More points of a cloud add little and take long.
 _LEAST_POINTS = 3
-_PATIENCE = 0.1      # s that the gripper's pose may come later than a cloud of its time
-_STILL, _EVEN = 2e-3, 5e-3  # m/s, m/s^2: what noise of the poses alone gives
-_SET_BACK = 1.0      # s: a stamp that is so much older than the last
+_PATIENCE = 0.1      # s; the gripper's pose may come so much later than a cloud of its time.
+_STILL, _EVEN = 2e-3, 5e-3  # m/s, m/s^2; noise of the poses alone gives as much.
+_SET_BACK = 1.0      # s; with a stamp that is older by so much the clock was set back.
 _GAP, _SAME = 0.5, 1e-3  # s between poses; m and rad by which one is still the same
-_LONGEST_SWING = 2.0 # s
-_NEAR = 12           # poses to which a motion is fitted
-_UNKNOWN = 0.25      # of how far a DLO is bent in motion: what its simulation does not know
+_LONGEST_SWING = 2.0  # s
+_NEAR = 12           # A motion is fitted to so many poses.
+_UNKNOWN = 0.25      # This fraction of how far motion bends a DLO is not known by simulation.
 _SWING_STEP = 0.1    # s
 _BENT = 33           # places along the DLO
-_LASTS = 2.5         # s that a motion is looked at after its end
-_LEAST_SWINGS = 3    # looks from which an amplitude of vibration is estimated
+_LASTS = 2.5         # s; a motion is looked at for so long after its end.
+_LEAST_SWINGS = 3    # From so many looks on an amplitude of vibration is estimated.
 _ACROSS = 2          # axes along which a point is off its DLO
-_OWN = 4.0           # times the median distance: what is farther off is none of the DLO's points
-_DOUBT, _OF = 2, 8   # looks that disagree, of the last ones: fewer are left to chance
-_OFTEN = 0.05        # s between two clouds that tell of a vibration
-_CLOUDS = 50         # to which a vibration is fitted, at most
-_NO_CHANCE = 10.0    # times the normalized innovation that one look in 10,000 exceeds
-# of the stamps' error: what is another one in each look, of which filters and queues make some
-# 20 ms
+_OWN = 4.0           # Points farther off than so many median distances are not the DLO's.
+_DOUBT, _OF = 2, 8   # Fewer looks that disagree, of so many last ones, are left to chance.
+_OFTEN = 0.05        # s between two clouds to which a vibration is fitted.
+_CLOUDS = 50         # A vibration is fitted to so many clouds at most.
+_NO_CHANCE = 10.0    # times the innovation that one look in 10,000 exceeds; one such is enough.
+# Fraction of the stamps' error that differs from look to look: filters and queues make some 20 ms.
 _JITTER = 0.4
-_FAR = 6.0           # deviations along an axis by which a cut-out may be seen off
+_FAR = 6.0           # A cut-out may be seen off by so many deviations along an axis.
 
 
 @dataclass(frozen=True)

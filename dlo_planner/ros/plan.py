@@ -280,13 +280,21 @@ class PlanningServer(Part):
         return path
 
     def _interruptible(self, deadline: float, make: Callable[[], T]) -> T:
-        """Return what `make` does, unless it is canceled or takes too long, s."""
-        steps, job = Progress(deadline=deadline), list[str]()
+        """Return what `make` does, unless it is canceled or takes too long, s.
+
+        Time in which the kernels of plans may still have to be compiled does not count.
+        """
+        steps: Progress | None = None
+        job = list[str]()
 
         def check() -> None:
+            nonlocal steps
             if job or self._ended:
                 raise Refused(Cause.PLANNING_CANCELED, (*job, self._ended)[0])
-            steps.check()
+            if steps is None and not self.node.loading.is_set():
+                steps = Progress(deadline=deadline)
+            if steps is not None:
+                steps.check()
 
         self._job = job
         try:
