@@ -284,17 +284,14 @@ class PlanningServer(Part):
 
         Time in which the kernels of plans may still have to be compiled does not count.
         """
-        steps: Progress | None = None
-        job = list[str]()
+        steps, job = Progress(deadline=deadline), list[str]()
 
         def check() -> None:
-            nonlocal steps
             if job or self._ended:
                 raise Refused(Cause.PLANNING_CANCELED, (*job, self._ended)[0])
-            if steps is None and not self.node.loading.is_set():
-                steps = Progress(deadline=deadline)
-            if steps is not None:
-                steps.check()
+            if self.node.loading.is_set():
+                steps.begin()
+            steps.check()
 
         self._job = job
         try:
