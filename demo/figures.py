@@ -122,7 +122,7 @@ def save_cell(path: Path, hole: CutOut, shapes: Sequence[Floats], way: Floats, w
     axis = axes['hole']
     axis.add_patch(Circle((0, 0), radius, fill=False, color='k', lw=3, label='rim of the hole'))
     axis.add_patch(Circle((0, 0), 1e3 * promised, fill=False, color='tab:green', ls='--',
-                          label=f'promised: {1e3 * promised:.1f} mm (95 %)'))
+                          label=f'bound of the miss: {1e3 * promised:.1f} mm (95 %)'))
     axis.plot(*1e3 * pierced.T, 'o', ms=3, color='tab:blue', label='axis of the wire')
     axis.plot(*1e3 * worst, 'X', ms=8, color='tab:red',
               label=f'largest miss: {1e3 * np.linalg.norm(worst):.1f} mm')

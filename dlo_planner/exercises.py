@@ -18,7 +18,7 @@ from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import corrected_by, past_of
 from dlo_planner.errors import DloPlannerError
-from dlo_planner.execute.correction_checks import aimed_anew
+from dlo_planner.execute.correction_checks import retargeted
 from dlo_planner.execute.limiter import frames_of, velocities
 from dlo_planner.execute.loop_motions import LoopTask, way_back, way_in, way_to_standoff
 from dlo_planner.geometry.self_passage import first_passage
@@ -151,8 +151,8 @@ def closed_loop() -> None:
     way_to_standoff(task, estimate, here)
     entry = way_in(task, estimate, here, np.inf, 0.5)
     assert entry.motion is not None  # any bound will do
-    way = entry.motion.steered
-    aimed_anew(task.inverse, estimate, entry.commanded, way, 0.0,
+    way = entry.motion.corrected_trajectory
+    retargeted(task.inverse, estimate, entry.commanded, way, 0.0,
                way.reached(entry.whole.times[-len(entry.commanded):]), None, np.inf, 0.5)
     way_back(task, estimate, way.poses(way.duration * np.array([0.1, 0.05, 0.0])),
              entry.whole.shapes[0])

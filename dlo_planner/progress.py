@@ -107,6 +107,10 @@ class Progress:
         self._begun = monotonic()
         self._interrupt = INTERRUPT.get()
 
+    def begin(self) -> None:
+        """Count the time until the deadline from now on."""
+        self._begun = monotonic()
+
     def done(self, done: int, total: int) -> None:
         """Report that `done` of `total` steps are finished; raises DeadlineExceeded."""
         if self._report is not None:

@@ -28,7 +28,7 @@ MAY_BE_NAN = {'position_error', 'misalignment', 'clearance', 'deviation', 'max_t
               'swing', 'arrival',
               'departure', 'dynamic_clearance', 'dynamic_contact_force', 'duration', 'step',
               'workspace_margin', 'mode_margin', 'tolerance', 'success', 'noise', '_estimate',
-              'misfit', 'outliers', 'surprise', 'bend_margin', 'contact_force',
+              'misfit', 'outliers', 'normalized_innovation', 'bend_margin', 'contact_force',
               'dynamic_bend_margin', 'contact_lost', 'largest_friction', 'smooth_bore_force',
               'insertion_force', 'yield_utilization', 'plug_wrenches'}
 # what an argument is called in a message where it has another name there

@@ -50,7 +50,7 @@ from dlo_planner import (
 )
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.identify import Observation, ObservedMotion, Steered, correct
+from dlo_planner.identify import CorrectedTrajectory, Observation, ObservedMotion, correct
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.parallel import CellGrid, capability_map, which_grasp
 from dlo_planner.penalties import (
@@ -145,7 +145,7 @@ def values():
                  InsertPlug(LEVEL, Plug(0.05, 0.01, 0.02)), ThreadInGrasps(
                      hole, 0.15, Pose((-0.4, 0.0, 1.0), LEVEL.quaternion), hold_at=0.8)]
     examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01),
-                 Steered(Trajectory(plan, tolerance=np.inf), [1.0, 0.5, 0.1])]
+                 CorrectedTrajectory(Trajectory(plan, tolerance=np.inf), [1.0, 0.5, 0.1])]
     return {type(one).__name__: one for one in examples} | {
         name: InverseSimulator(over_bar) for name in (
             'InverseSimulator.hold_contact', 'InverseSimulator.slide_contact')}
@@ -313,7 +313,7 @@ def arguments():
         'Motion.plot.color': 'time', 'Plan.animate.path': 'film.gif',
         'Motion.animate.path': 'film.gif', 'ValidationReport.load.path': 'report.npz',
         'reached': [0.0] * len(known['Correction'].grippers), 'plan_times': [0.0],
-        'Steered.at.times': [0.0], 'Observer.update.noise': 1e-3,
+        'CorrectedTrajectory.at.times': [0.0], 'Observer.update.noise': 1e-3,
     }
 
 

@@ -32,6 +32,7 @@ from dlo_planner import (
     solve_many,
 )
 from dlo_planner.direct.accuracy import discretization_errors
+from dlo_planner.direct.integrator import integrate
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import closest_point_in_element
@@ -191,6 +192,29 @@ def test_a_dlo_that_hangs_freely_compiles_nothing_of_contact_ends_or_plasticity(
     assert all(name in code for name in (b'fill_blocks', b'factorize_blocks', b'lowest_mode'))
     assert not any(name in code for name in (
         b'add_contacts', b'sweeps_through', b'add_plastic', b'add_hold', b'complemented'))
+
+
+def test_statics_and_motion_in_contact_share_their_kernels():
+    rod = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)
+    direct = DirectSimulator(rod, obstacles=[Plane((0, 0, -0.2), (0, 0, 1), 0.2)])
+    shape = direct.solve(Pose.identity())
+    direct.simulate([Pose.identity()] * 2, 0.01, shape)
+    waiting = [(kernel.for_python, kinds) for kernel in (solve_step, integrate)
+               for kinds in kernel.for_python.signatures if '.ContactType(' in str(kinds)]
+    found = {}
+    while waiting:  # all that these consist of
+        kernel, kinds = waiting.pop()
+        known = found.setdefault(key_of(kernel, kinds).kernel, set())
+        if kinds not in known:
+            known.add(kinds)
+            called, _ = next(files.kept(key_of(kernel, kinds)), ((), ()))
+            waiting += [(one.kernel, one.kinds) for one in called]
+    if not found:
+        pytest.skip('no folder in which compiled kernels are kept')
+    inside = {name: sum('.ContactType(' in str(kinds) for kinds in each)
+              for name, each in found.items() if 'solve_step' not in name}  # it may watch, too
+    assert inside['dlo_planner.minimize.contact_solver.solve_contact'] == 1
+    assert not {name for name, count in inside.items() if count > 1}
 
 
 # ---- what is compiled ahead: all kernels ----------------------------------------------------

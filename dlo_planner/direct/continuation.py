@@ -44,21 +44,21 @@ Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, holds, `S
 
 LONGEST_TURN = 0.25     # rad: longer steps of the gripper are cut in any case
 _LONGEST_SHIFT = 0.05   # of the length: the same, of a DLO that touches
-_SHORTEST = 5e-5        # rad and of the length: of parts in which a leap counts as a jump
+_SHORTEST = 5e-5        # rad and of the length: of parts in which a discontinuity counts as a jump
 # The same of a DLO that lies on something: where it lets go depends on friction by more
 _SHORTEST_LYING = 2e-3
 _LEAST, _MOST = 3, 14   # how often a step in doubt may be halved
 _FAILURES = 7           # the same, where no equilibrium is found
 _AFTER = 3              # the same, for what comes after a jump
-_LEAP = 0.1             # rad: change of shape that a vanishing step of the gripper cannot cause
-_LEAP_ON = 0.05         # the same, of a DLO that touches
-_LEAP_OFF = 0.02        # the same, of a DLO that comes off an obstacle
+_DISCONTINUITY = 0.1    # rad: change of shape that a vanishing step of the gripper cannot cause
+_DISCONTINUITY_ON = 0.05   # the same, of a DLO that touches
+_DISCONTINUITY_OFF = 0.02  # the same, of a DLO that comes off an obstacle
 _OFF = 2e-3             # rad and of the length: the longest step in which it does
 _FOLLOWING = 3.0        # rad of shape per rad of the gripper: more is looked at in smaller steps
 _SPREAD = 0.2           # of how much the work depends on when forces change in a step: its error
-_ROUGH = 0.01           # of the elastic energy: what may be lost where no leap of shapes is seen
+_ROUGH = 0.01           # of the elastic energy: what may be lost where no discontinuity is seen
 _EXACT = 1e-6           # of the elastic energy: what may always be lost, an error of solvers
-_EVENLY = 0.75          # of a step's change: more in half of it is a leap, perhaps
+_EVENLY = 0.75          # of a step's change: more in half of it is a discontinuity, perhaps
 _SAME = 0.01            # rad: two shapes that differ by less are one
 _SLIDES = 1 - 1e-6      # of friction's limit
 _TURNED = np.cos(0.5)   # rad: a normal that turns more is another contact, as beyond an edge
@@ -97,11 +97,11 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
             shape = None
         failed = not half.converged
     elif last or not _is_long(way, bool(previous.contacts), at_once):
-        bears = bool(previous.contacts) and not goal.holds
-        if bears and not last:
+        in_contact = bool(previous.contacts) and not goal.holds
+        if in_contact and not last:
             most = _ANY_TURN
         elif not (last or at_once or previous.contacts or goal.holds):
-            most = _LEAP + _FOLLOWING * way.turn
+            most = _DISCONTINUITY + _FOLLOWING * way.turn
         if tried is None or last and tried.state.kicks:
             tried = solve(goal.gripper, previous, goal.holds, most)
         shape = tried
@@ -115,7 +115,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
                     return shape  # else shorter ways tell whether it really does
         elif last:
             return _led(previous, _jumped(shape))
-        elif ((good or bears and _keeps_energy(previous, shape))
+        elif ((good or in_contact and _keeps_energy(previous, shape))
               and not _is_long(way, touches, at_once)
               and not (way.size > _OFF and _comes_off(previous, shape))):
             agree, half, end = _by_halves(solve, previous, goal, shape)
@@ -178,8 +178,8 @@ def _either(one: Shape, other: Shape) -> bool | float:
 def _evenly(solve: Equilibrium, previous: Shape, goal: Grips) -> tuple[bool, Shape, Shape]:
     """Return whether two half steps change a DLO that lies about as much; the Shapes after them.
 
-    What leaps does so in one of them. Its friction depends on how long steps are, and contacts come
-    and go in most of them: to make the whole step as well would tell no more.
+    What is discontinuous is so in one of them. Its friction depends on how long steps are, and
+    contacts come and go in most of them: the whole step in addition would say no more.
     """
     there = _partway(previous, goal)
     first = solve(there.gripper, previous, there.holds, _ANY_TURN)
@@ -189,18 +189,18 @@ def _evenly(solve: Equilibrium, previous: Shape, goal: Grips) -> tuple[bool, Sha
     if not _keeps_energy(first, end):
         return False, first, first
     change = max(shape_change(previous, first), shape_change(first, end))
-    return (change <= max(_LEAP_OFF, _EVENLY * shape_change(previous, end)), first, end)
+    return (change <= max(_DISCONTINUITY_OFF, _EVENLY * shape_change(previous, end)), first, end)
 
 
 def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
                shape: Shape) -> tuple[bool, Shape, Shape]:
     """Return whether two half steps lead to `shape` as well; and the Shapes after these.
 
-    They do not where one of them alone changes as much as both: what leaps does so in any step.
+    They do not where one of them alone changes as much as both: a discontinuity is one in any step.
     """
     there = _partway(previous, goal)
-    bears = bool(previous.contacts) and not goal.holds
-    most, follows = (_ANY_TURN, _keeps_energy) if bears else (np.inf, sound)
+    in_contact = bool(previous.contacts) and not goal.holds
+    most, follows = (_ANY_TURN, _keeps_energy) if in_contact else (np.inf, sound)
     first = solve(there.gripper, previous, there.holds, most)
     if not follows(previous, first, _way(previous, there)):
         return False, first, first
@@ -209,7 +209,7 @@ def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
              and shape_change(shape, end) <= _SAME)
     if agree:
         change = max(shape_change(previous, first), shape_change(first, end))
-        agree = change <= max(_LEAP_OFF, _EVENLY * shape_change(previous, shape))
+        agree = change <= max(_DISCONTINUITY_OFF, _EVENLY * shape_change(previous, shape))
     return agree, first, end
 
 
@@ -324,9 +324,9 @@ def fell(previous: Shape, shape: Shape, way: Way | None = None) -> bool:
     change, way = shape_change(previous, shape), way or _way(
         previous, Grips(shape.gripper, shape.holds))
     if not (previous.contacts or shape.contacts or shape.holds or shape.pinned):
-        return change > _LEAP + _FOLLOWING * way.turn  # its shift deforms nothing
-    leap = _LEAP_OFF if _comes_off(previous, shape) else _LEAP_ON
-    if change > leap + _FOLLOWING * way.size:
+        return change > _DISCONTINUITY + _FOLLOWING * way.turn  # its shift deforms nothing
+    least = _DISCONTINUITY_OFF if _comes_off(previous, shape) else _DISCONTINUITY_ON
+    if change > least + _FOLLOWING * way.size:
         return True
     return not _let_go(previous, shape) and _lost(previous, shape)
 
@@ -346,7 +346,7 @@ def _let_go(previous: Shape, shape: Shape) -> bool:
 def _lost(previous: Shape, shape: Shape) -> bool:
     """Whether less energy is left than the work of both grips and friction account for.
 
-    What does not count is the error of the work, and what bends all of the DLO by a leap.
+    What does not count is the error of the work, and what bends all of the DLO by a discontinuity.
     """
     previous = _on_mesh_of(shape, previous)
     work, spread = work_of_grips(previous, shape)
@@ -360,11 +360,11 @@ def _lost(previous: Shape, shape: Shape) -> bool:
         lost -= past.friction_work
     if feed is not None:
         lost -= feed.work
-    if not shape.holds or shape_change(previous, shape) <= _LEAP_ON:
+    if not shape.holds or shape_change(previous, shape) <= _DISCONTINUITY_ON:
         least += _ROUGH * energy
         if mesh is not None:
             stiffness = float(mesh.free.stiffness[:, 1:].min())
-            least += 0.5 * _LEAP_ON**2 * stiffness / float(shape.s[-1])
+            least += 0.5 * _DISCONTINUITY_ON**2 * stiffness / float(shape.s[-1])
     return lost > least
 
 

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.direct.integrator import (
     DAMPED,
+    FRICTION_LOSS,
     KINETIC,
-    RUBBED,
     STATIC,
     WORK,
     Scheme,
@@ -554,5 +554,5 @@ def _motion(stepper: Stepper, made: Run, tolerance: float,
     return Motion(
         stepper.dt * places, shapes,
         np.array([instant.velocities for instant in reached]), energies[:, KINETIC],
-        energies[:, STATIC], energies[:, WORK], energies[:, DAMPED:RUBBED + 1], tolerance,
+        energies[:, STATIC], energies[:, WORK], energies[:, DAMPED:FRICTION_LOSS + 1], tolerance,
         made.status, message, **given)

@@ -76,7 +76,7 @@ AFTER = 4            # steps since an impact until the scheme is as ever
 _LANDING = 1e-6      # of the length: what comes nearer to an obstacle by more in a step lands there
 _GRAZING = 0.02      # rad: so it may come nearer where it slides along what is curved
 _EXACT = 1e-4        # relative error of an eigenvalue
-ELASTIC, STATIC, KINETIC, WORK, DAMPED, DISSIPATED, RUBBED, PUSHED = range(8)
+ELASTIC, STATIC, KINETIC, WORK, DAMPED, DISSIPATED, FRICTION_LOSS, CONTACT_WORK = range(8)
 
 
 class SchemeCoefficients(Record):
@@ -144,11 +144,11 @@ class StepBuffer(Record):
     iterations: Ints      # (r,)
     evaluations: Ints     # (r,) of methods that count them
     energies: Floats      # (r, 8) at ELASTIC, STATIC (elastic and loads), KINETIC; WORK of the
-                          # grips; lost by damping, plasticity, friction; PUSHED: what contacts
-                          # did along the chords of steps
+                          # grips; lost by damping, plasticity, friction; CONTACT_WORK
+                          # along the chords of steps
     converged: Bools      # (r,)
     impulsive: Ints       # (r,) how many steps more are not by the scheme itself, after an impact
-    stirred: Bools        # (r,) whether it bears, or has and steps were not exact since
+    after_impact: Bools        # (r,) whether it bears, or has and steps were not exact since
     reactions: Floats     # (r, K) forces of holds
     plastic: Floats       # (r, N, J) plastic strain
     node_forces: Floats   # (r, M, N + 1)
@@ -215,7 +215,7 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
         scheme = after if left > 1 else how
         _solve_step(system, scheme, buffer, row, options, guess)
         account(system, scheme, how, buffer, row, options)
-        if how.gamma == 1.0 or not (_bears(buffer, row) or buffer.stirred[row - 1]):
+        if how.gamma == 1.0 or not (_bears(buffer, row) or buffer.after_impact[row - 1]):
             return
         if options.follows and not _lands(system, how, buffer, row):
             if left > 0:
@@ -278,9 +278,9 @@ def _is_exact(buffer, row, options):
     entered in the row).
     """
     exact = buffer.proofs[row, 2] <= options.error
-    buffer.stirred[row] = _bears(buffer, row) or buffer.impulsive[row] > 0 or (
-        buffer.stirred[row - 1] and not exact)
-    return exact or options.any_error and buffer.stirred[row]
+    buffer.after_impact[row] = _bears(buffer, row) or buffer.impulsive[row] > 0 or (
+        buffer.after_impact[row - 1] and not exact)
+    return exact or options.any_error and buffer.after_impact[row]
 
 
 @kernel
@@ -291,7 +291,7 @@ def _pushes_little(buffer, row, budget, options):
     most what it may gain.
     """
     energies = buffer.energies[row]
-    push = energies[PUSHED] - buffer.energies[row - 1, PUSHED]
+    push = energies[CONTACT_WORK] - buffer.energies[row - 1, CONTACT_WORK]
     excess = energies[KINETIC] + energies[STATIC] - energies[WORK] + lost(energies) - options.began
     return push == 0.0 or max(push, excess) <= allowed_gain(budget, energies, options.gain,
                                                             options.noise)
@@ -300,7 +300,7 @@ def _pushes_little(buffer, row, budget, options):
 @kernel
 def lost(energies: Floats) -> float:
     """Return the energy lost so far, J, of a row of a StepBuffer's."""
-    total: float = energies[DAMPED] + energies[DISSIPATED] + energies[RUBBED]
+    total: float = energies[DAMPED] + energies[DISSIPATED] + energies[FRICTION_LOSS]
     return total
 
 
@@ -350,7 +350,7 @@ def credit_renewal(budget: Floats, balance: float, began: float, noise: float) -
 @kernel
 def _balance(energies):
     """Return the energy that is there, less what was put in, plus what was taken out, J."""
-    return (energies[KINETIC] + energies[STATIC] - energies[WORK] - energies[PUSHED]
+    return (energies[KINETIC] + energies[STATIC] - energies[WORK] - energies[CONTACT_WORK]
             + lost(energies))
 
 
@@ -635,8 +635,8 @@ def account(system, how, outer, buffer, row, options):
     damped = _damping_work(system, how, nodes, bends, row)
     energies[row, DAMPED] = energies[row - 1, DAMPED] + damped
     rubbed, pushed = _contact_work(system, buffer, row)
-    energies[row, RUBBED] = energies[row - 1, RUBBED] + rubbed
-    energies[row, PUSHED] = energies[row - 1, PUSHED] + pushed
+    energies[row, FRICTION_LOSS] = energies[row - 1, FRICTION_LOSS] + rubbed
+    energies[row, CONTACT_WORK] = energies[row - 1, CONTACT_WORK] + pushed
     buffer.proofs[row, 2] = outer.third * third_difference(buffer.times, nodes[0], row)
 
 

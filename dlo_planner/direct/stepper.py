@@ -22,13 +22,13 @@ from dlo_planner.direct.boundary_motion import BoundaryMotion
 from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.direct.integrator import (
     AFTER,
+    CONTACT_WORK,
     DAMPED,
     DISSIPATED,
     ELASTIC,
+    FRICTION_LOSS,
     KINETIC,
     PAST,
-    PUSHED,
-    RUBBED,
     STATIC,
     WORK,
     Scheme,
@@ -85,7 +85,7 @@ class Row(NamedTuple):
     energies: Floats
     converged: Any
     impulsive: Any
-    stirred: Any
+    after_impact: Any
     reactions: Floats
     plastic: Floats
     node_forces: Floats
@@ -153,8 +153,8 @@ class TimePoint:
     def balance(self) -> float:
         """Energy that is there, less what was put in, plus what was taken out, J."""
         energies = self.row.energies
-        given = energies[WORK] + energies[PUSHED]
-        lost = energies[DAMPED:RUBBED + 1].sum()
+        given = energies[WORK] + energies[CONTACT_WORK]
+        lost = energies[DAMPED:FRICTION_LOSS + 1].sum()
         return float(energies[KINETIC] + energies[STATIC] - given + lost)
 
     def _shape(self) -> Shape:
@@ -375,7 +375,7 @@ class Stepper:
 
         Where contacts stir it up rates are renewed by the steps themselves, as after an impact.
         """
-        if len(now.row.contacts) or now.row.stirred:
+        if len(now.row.contacts) or now.row.after_impact:
             return replace(now, row=now.row._replace(impulsive=max(now.row.impulsive, AFTER)))
         return self.renewed(now, dt)
 
@@ -463,8 +463,8 @@ class Stepper:
             wrenches.append(np.zeros((rows, *one.shape)))
             wrenches[-1][PAST] = one
         impulsive = np.zeros(rows, dtype=np.int64)
-        stirred = np.zeros(rows, dtype=bool)
-        impulsive[PAST], stirred[PAST] = now.impulsive, now.stirred
+        after_impact = np.zeros(rows, dtype=bool)
+        impulsive[PAST], after_impact[PAST] = now.impulsive, now.after_impact
         # zeros: steps without what may act leave nothing of it
         left = [np.zeros((rows, *shape)) for shape in (
             (ends[2].shape[1],), mesh.start.plastic.shape, mesh.start.node_force.shape)]
@@ -484,8 +484,8 @@ class Stepper:
         return StepBuffer(
             times, *grips, *ends, *courses, frames, *wrenches, np.empty((rows, 4)),
             np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=np.int64), energies,
-            np.zeros(rows, dtype=bool), impulsive, stirred, *left, starts, indices[0], values[0],
-            indices[1], values[1], np.zeros(2, dtype=bool))
+            np.zeros(rows, dtype=bool), impulsive, after_impact, *left, starts, indices[0],
+            values[0], indices[1], values[1], np.zeros(2, dtype=bool))
 
     def _holds(self, places: Floats, origins: Floats) -> tuple[Floats, ...]:
         """Return targets, axes, rows and reach of Holds at places (n,), grippers at `origins`."""

@@ -15,7 +15,7 @@ from dlo_planner.execute.execution import Execution
 from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
-from dlo_planner.identify.online_trajectory import NARROWEST, Steered
+from dlo_planner.identify.online_trajectory import NARROWEST, CorrectedTrajectory
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle, Sheet
@@ -24,21 +24,21 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.trajectory.trajectory import Trajectory
 
 _ANSWER = 2.0  # a DLO moves by less than so many times a jerk of its gripper
-_ERRORS = 5.0  # standard deviations by which points may be off on the mean
-_MORE = 0.2    # of the points, by which more may be none of the DLO's than are expected
+_ERRORS = 5.0  # Points may be off by so many standard deviations on the mean.
+_MORE = 0.2    # So much larger than expected may the fraction of outliers be.
 _SOME = 0.95   # of them
-_COMPUTING = 0.3  # s that a correction takes to be computed
-_STOPPING = 3.0  # s before the entry, at which a motion can still come to rest in front of it
+_COMPUTING = 0.3  # s; a correction is computed in this time.
+_STOPPING = 3.0  # s; a motion can come to rest before the entry until so long before it.
 _ANY_WINDOWS = np.full(3, NARROWEST)  # s, where nothing is blended in
-_WAYPOINTS = 5   # whose miss is predicted, evenly from the entry to the depth
+_WAYPOINTS = 5   # The miss is predicted of so many, evenly from the entry to the depth.
 
 
 def disagreement(observing: DloEstimator) -> str:
     """Return in words that the last looks do not agree with the estimate."""
-    return ('looks at the DLO do not agree with what was expected of it (surprise '
-            f'{observing.surprise:.3g}): it slips, swings or touches something, or the robot is '
-            'elsewhere than it says; call ~/reset, let it hang at rest before the camera, call '
-            '~/identify, and plan again')
+    return ('looks at the DLO do not agree with what was expected of it (normalized innovation '
+            f'{observing.normalized_innovation:.3g}, at most 1 by chance): it slips, swings or '
+            'touches something, or the robot is elsewhere than it says; call ~/reset, let it hang '
+            'at rest before the camera, call ~/identify, and plan again')
 
 
 def misfit_reason(observing: DloEstimator, speed: float = 0.0) -> str:
@@ -89,11 +89,12 @@ def expected_miss(estimate: Estimate, plan: Plan, execution: Execution) -> tuple
     m, with 95 %, as far as the estimate tells and with what motion adds; s until the entry.
     """
     way = execution.way
-    steered = way if isinstance(way, Steered) else Steered(way, _ANY_WINDOWS)
-    reached = steered.reached(plan.times)
+    if not isinstance(way, CorrectedTrajectory):
+        way = CorrectedTrajectory(way, _ANY_WINDOWS)
+    reached = way.reached(plan.times)
     entry = next((float(time) for time, passes in zip(reached, plan.via_points, strict=True)
                   if passes), -np.inf)
-    return (miss_bound(estimate, plan, steered, reached, execution.free, np.inf)
+    return (miss_bound(estimate, plan, way, reached, execution.free, np.inf)
             + motion_bound(execution), entry - execution.done)
 
 
@@ -115,7 +116,9 @@ def motion_bound(execution: Execution) -> float:
     By what was simulated for the proof, and by what late commands did. A DLO that is displaced by a
     jerk of its gripper swings by less than twice the jerk (by its slowest vibration 1.57 times).
     """
-    way = execution.way.trajectory if isinstance(execution.way, Steered) else execution.way
+    way = execution.way
+    if isinstance(way, CorrectedTrajectory):
+        way = way.trajectory
     simulated = way.motion if isinstance(way, Trajectory) else None
     bound = 0.0 if simulated is None else float(np.nan_to_num(simulated.bound, posinf=np.inf))
     return bound + _ANSWER * execution.stall_displacement
@@ -133,8 +136,8 @@ def looked_at(plan: Plan) -> Ints:
     return chosen
 
 
-def miss_bound(estimate: Estimate, plan: Plan, way: Steered, reached: Floats, now: float,
-               lag: float) -> float:
+def miss_bound(estimate: Estimate, plan: Plan, way: CorrectedTrajectory, reached: Floats,
+               now: float, lag: float) -> float:
     """Return within how many m the DLO passes the center with 95 %, in what is commanded.
 
     That lags what is aimed at: a look at the gripper in a pose serves the DLO `lag` s later and
@@ -162,7 +165,7 @@ class Aimed(NamedTuple):
     bound_before: float  # m
 
 
-def aimed_anew(inverse: InverseSimulator, estimate: Estimate, plan: Plan, way: Steered,
+def retargeted(inverse: InverseSimulator, estimate: Estimate, plan: Plan, way: CorrectedTrajectory,
                free: float, reached: Floats, before: Correction | None, largest: float,
                lag: float, against: str = '',
                behind: Callable[[Estimate, Correction], str] | None = None) -> Aimed:

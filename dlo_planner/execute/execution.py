@@ -5,10 +5,10 @@
 Time is that of a steady clock, in s. A machine does not change: `tick` returns the next one.
 
 Commands are the poses of the motion at even times, a period apart, whenever a tick comes: a robot
-that takes them one by one, or by the stamps that it was told, follows the motion as it was proved.
+that takes them one by one, or by their stamps, follows the motion as it was proved.
 
 With a horizon the motion goes on by the clock of the stamps, whether the machine is late or not: a
-robot that was told the coming time with stamps (`Ahead`) does not wait for this machine.
+robot that has a preview with stamps (`Ahead`) does not wait for this machine.
 Without one, a robot follows each command as it comes, and a late command delays the motion.
 """
 
@@ -23,7 +23,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Enabled, Feedback, Guards
 from dlo_planner.execute.limiter import Limiter, Rising, accelerate, decelerate, used
-from dlo_planner.identify.online_trajectory import NARROWEST, WIDEST, Change, Steered
+from dlo_planner.identify.online_trajectory import NARROWEST, WIDEST, Change, CorrectedTrajectory
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.requirements import Limits
@@ -31,25 +31,25 @@ from dlo_planner.trajectory.modal_response import slowest_period
 from dlo_planner.trajectory.timed_path import TimedPath
 
 _UNWATCHED = Guards(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, True, 0.0)
-# phases of what is not at its end
+# The phases of an execution that has not ended.
 ACTIVE = ('running', 'settling', 'stopping', 'waiting')
-_OFTEN = 0.2  # of the horizon, after which a robot is told the coming time again
-LEAD = 0.1    # s until a robot hears that it has to stop
-_REMEMBERED = 1.0  # s, for which it is known what was commanded when
-_LATE = 0.25  # s without a command after which a robot that waits for one stands still
-_LONGER = 1.0, 1.4, 2.0, 2.8  # times as long as a correction is blended in
-_CORRECTED = 0.98  # of the limits, which a motion that is corrected may use
-_COARSE = 4   # periods, in which what is blended in changes little
+_OFTEN = 0.2  # The next preview is sent after this fraction of the horizon.
+LEAD = 0.1    # s; a robot has heard by then that it has to stop.
+_REMEMBERED = 1.0  # s; for so long it is known when something was commanded.
+_LATE = 0.25  # s; a robot that waits for a command for longer stands still.
+_LONGER = 1.0, 1.4, 2.0, 2.8  # A correction is blended in over so many times its time, in turn.
+_CORRECTED = 0.98  # A motion that is corrected may use this fraction of the limits.
+_COARSE = 4   # periods; what is blended in changes little in them.
 _SAMPLES, _SAME_TIME = 25, 1e-9  # s
-_SEEN = 3     # commands before the next one that tell its jerk
-_NOTICED = 1e-3, 5e-3  # m, rad from where a way begins: less is left to the robot, as always
+_SEEN = 3     # The jerk of a command follows from it and so many before it.
+_NOTICED = 1e-3, 5e-3  # m, rad; a robot that is nearer to the beginning goes there by itself.
 _AGO = -1e6    # s
-_LEAST_WINDOW, _NEXT = 0.1, 1.1  # s; and from one duration that is tried to the next
+_LEAST_WINDOW, _NEXT = 0.1, 1.1  # s; each duration that is tried is so many times the last one.
 EXACT = 1 + 1e-3  # of a limit: differences of rounded numbers
 
 
 class Ahead(NamedTuple):
-    """What a robot is told of the coming time, so that a machine that is late does no harm.
+    """The preview: commands of the coming time, so that a machine that is late does no harm.
 
     All of the coming motion: the horizon, and after it a way to rest along the path, which the next
     message replaces. So a robot comes to rest within its limits where the messages end. A
@@ -85,7 +85,7 @@ def places_ahead(execution: 'Execution') -> Floats:
 class Samples:
     """Poses of a way at multiples of a period, evaluated many at once: one alone costs as much."""
 
-    def __init__(self, way: TimedPath | Steered, period: float) -> None:
+    def __init__(self, way: TimedPath | CorrectedTrajectory, period: float) -> None:
         self.way, self._period = way, period
         self._known: dict[int, Pose] = {}
 
@@ -111,18 +111,18 @@ class Execution:
     it decelerates; 'stopped'; 'succeeded'; 'waiting': others go on with it (`TaskLoop`).
     """
 
-    way: TimedPath | Steered  # of the gripper frame
+    way: TimedPath | CorrectedTrajectory  # of the gripper frame
     back: Pose                # of the tool frame in the gripper frame
     frame_id: str             # in which commands are given
     guards: Guards = field(default_factory=Guards)
     period: float = 0.02      # s between two ticks
-    horizon: float = 0.0      # s of the coming motion that a robot is told; 0: single commands
+    horizon: float = 0.0      # s of the coming motion in a preview; 0: single commands
     limits: Limits | None = None  # of all that goes out; None: those of the way
     phase: str = 'running'
     done: float = 0.0         # s along the way that are commanded; negative before its beginning
     command: Pose | None = None  # of the tool frame, now; None before the first one
     sending: Pose | None = None  # of the tool frame, goes out by itself after this tick
-    ahead: Ahead | None = None   # what a robot was told last of the coming time, with a horizon
+    ahead: Ahead | None = None   # the last preview, with a horizon
     cause: Cause = Cause.DONE    # why it stops or has stopped
     reason: str = ''
     begin: float = 0.0        # s, `done` at its first command
@@ -132,7 +132,7 @@ class Execution:
     rising: Rising | None = None    # where it begins to
     since: float = 0.0        # s since the end, by ticks: one that is late counts a period
     last: float | None = None  # time of the last tick
-    beat: float | None = None  # time at which the last command was due
+    deadline: float | None = None  # time at which the last command was due
     feedback: Feedback | None = None
     feedback_age: float = np.inf  # s; in ticks that were late a period counts
     enabled: Enabled | None = None
@@ -140,9 +140,9 @@ class Execution:
     past: tuple[tuple[float, float], ...] = ()  # (`stamp`, `done`) of the last ticks
     trail: tuple[float, ...] = ()  # `done` of the last commands, whose jerk the next one tells
     single: 'Execution | None' = None  # with a horizon: the same motion without one
-    published_until: float = 0.0  # s of the way that a robot was told, with a horizon
-    last_published: float = -np.inf  # stamp at which it was told last
-    published_phase: str = ''  # that it was told of then
+    published_until: float = 0.0  # s of the path that previews hold so far, with a horizon
+    last_published: float = -np.inf  # stamp of the last preview
+    published_phase: str = ''  # that the last preview was of
     stall_displacement: float = 0.0  # m that late commands moved the gripper against its motion
     samples: 'Samples' = field(default=None, compare=False)  # type: ignore[assignment]
 
@@ -162,7 +162,13 @@ class Execution:
 
     def stop(self, cause: Cause, reason: str, at_once: bool = False,
              lasting: float = 0.0) -> 'Execution':
-        """Return the execution that decelerates, for the first reason that was given."""
+        """Return the execution that decelerates, for the first reason that was given.
+
+        A robot that does not follow its stop has not heard of it: that counts more than the reason.
+        """
+        if self.phase == 'stopping' and cause is Cause.PATH_TOLERANCE is not self.cause:
+            return replace(self, cause=cause, reason=f'{self.reason}; the stop is not followed: '
+                                                     f'{reason}')
         if self.phase not in ('running', 'settling', 'waiting'):
             return self
         named = replace(self, cause=cause, reason=reason, since=0.0)
@@ -174,7 +180,7 @@ class Execution:
 
     @property
     def alone(self) -> bool:
-        """Whether single commands, which may be behind those that were told ahead, have ended."""
+        """Whether single commands, which may be behind the preview, have ended."""
         return self.single is None or not self.single.active
 
     @property
@@ -193,7 +199,7 @@ class Execution:
 
     @property
     def ends_at_once(self) -> bool:
-        """Whether a robot that was told the coming time has to be told that there is none."""
+        """Whether a robot that has a preview has to hear that there is none any more."""
         canceled = self.phase == 'stopped' and self.cause == Cause.CANCELED
         return canceled and not self.pace and self.published_until > self.done
 
@@ -206,9 +212,9 @@ class Execution:
         """Return the execution with its next command.
 
         However late it is called, without a horizon the motion goes on by one period at most: it
-        stands still meanwhile, and does not leap. Where the gripper has come to rest by that, it
+        stands still meanwhile, and does not jump. Where the gripper has come to rest by that, it
         begins again from rest. With a horizon the motion goes on by what has passed, if the robot
-        was told so much.
+        has a preview of so much.
         """
         if not self.active:
             return self
@@ -227,7 +233,7 @@ class Execution:
             next_one = next_one._from_rest()
         next_one = next_one.advanced(steps)
         if steps or self.stamp is None or turned_back:
-            due = timed.beat if self.horizon else None
+            due = timed.deadline if self.horizon else None
             next_one = next_one._remembered(stamp if due is None else due)
         return next_one._published(turned_back)._sent(now)
 
@@ -237,18 +243,18 @@ class Execution:
         Without a horizon one at most: what is late moves the beat, but for a period that the next
         ticks catch up.
         """
-        if self.beat is None:
-            return replace(self, beat=clock), 0, False
-        behind = (clock - self.beat) / self.period
+        if self.deadline is None:
+            return replace(self, deadline=clock), 0, False
+        behind = (clock - self.deadline) / self.period
         if behind < -1:
-            return replace(self, beat=clock), 0, True
+            return replace(self, deadline=clock), 0, True
         steps = max(int(np.floor(behind + 0.5)), 0)
         if self.horizon or steps < 2:
-            return replace(self, beat=self.beat + steps * self.period), steps, False
-        beat = max(self.beat + self.period, clock - self.period)
-        lost = beat - self.beat - self.period
+            return replace(self, deadline=self.deadline + steps * self.period), steps, False
+        deadline = max(self.deadline + self.period, clock - self.period)
+        lost = deadline - self.deadline - self.period
         stalled = self.stall_displacement + self._moves(lost)
-        return replace(self, beat=beat, stall_displacement=stalled), 1, False
+        return replace(self, deadline=deadline, stall_displacement=stalled), 1, False
 
     def _from_rest(self) -> 'Execution':
         """Return the execution of a gripper that has come to rest, because no command came."""
@@ -278,22 +284,22 @@ class Execution:
         return lost * float(np.linalg.norm(self.way.at([self.done])[1][0, :3]))
 
     def _published(self, anew: bool) -> 'Execution':
-        """Return the execution of which the robot is told more, if it is time to, or anew."""
+        """Return the execution with its next preview, if that is due, or a new one."""
         if not self.horizon or self.phase not in ('running', 'stopping') or self.stamp is None:
             return self
         news = anew or self.phase != self.published_phase
         if self.stamp - self.last_published < _OFTEN * self.horizon and not news:
             return self
-        told = replace(self, last_published=self.stamp, published_phase=self.phase)
+        previewed = replace(self, last_published=self.stamp, published_phase=self.phase)
         if self.phase == 'running':
             steps = int(np.ceil(self.horizon / self.period - 1e-9))
-            told = replace(told, published_until=min(self.done + steps * self.period,
-                                                     self.way.duration))
+            previewed = replace(previewed, published_until=min(
+                self.done + steps * self.period, self.way.duration))
         before = len(self.trail[:-1])
-        frames = self.way.frames([*self.trail[:-1], *places_ahead(told)])
+        frames = self.way.frames([*self.trail[:-1], *places_ahead(previewed)])
         if used(frames, self.kept, self.period) <= EXACT:
-            return replace(told, ahead=Ahead.of(self, *(part[before:] for part in frames)))
-        if self.phase == 'running':  # what the robot was told before ends at rest
+            return replace(previewed, ahead=Ahead.of(self, *(part[before:] for part in frames)))
+        if self.phase == 'running':  # the preview before ends at rest
             return self.stop(Cause.LIMITS, 'the coming motion exceeds its limits')._published(True)
         return replace(self, phase='stopped')
 
@@ -333,7 +339,7 @@ class Execution:
         kept = (one for one in self.past if stamp - _REMEMBERED < one[0] < stamp)
         return replace(self, stamp=stamp, past=(*kept, (stamp, self.done)))
 
-    def corrected(self, way: Steered) -> 'Execution':
+    def corrected(self, way: CorrectedTrajectory) -> 'Execution':
         """Return the execution of another way from `free` on, if it leaves room for a stop.
 
         If it does not, it is blended in over a longer time, where nothing else is being blended in;
@@ -344,7 +350,7 @@ class Execution:
         part = np.inf
         for longer in _LONGER:
             windows = longer * way.windows
-            # what was changed before must be over by these windows as well, or it would leap
+            # What was changed before must have ended by these windows too, or the pose would jump.
             if longer > 1 and (windows.sum() > longest or windows.max() > WIDEST
                                or last + windows.sum() > self.free):
                 break
@@ -355,7 +361,7 @@ class Execution:
         return replace(self, refusal=f'it uses {part:.3g} of the limits of speed, acceleration and '
                        f'jerk: expected {_CORRECTED:g} at most, which leaves room for a stop')
 
-    def _part(self, way: Steered) -> float:
+    def _part(self, way: CorrectedTrajectory) -> float:
         """Return the part of the limits that a way uses from `free` on."""
         blended, period = self.free + way.windows.sum(), self.period
         soon = np.arange(self.free - _SEEN * period, blended + _SEEN * period, period)
@@ -383,7 +389,7 @@ class Execution:
                             published_until=self.done)
             return first._commanded([self.done]).settled()
         if self.phase == 'settling':
-            # where this machine is late the gripper may be, or what is heard of it
+            # Where this machine is late, the gripper may be late too, or what is heard of it.
             passed = self.period if steps and self.alone else 0.0
             out = replace(self, since=self.since + passed)
             return (replace(out, sending=self.command) if steps else out).settled()
@@ -400,7 +406,7 @@ class Execution:
         known = list(self.pace[:steps])
         last = known[-1] if known else self.done
         even = self.period if self.phase == 'running' else 0.0
-        # a clock that leaps asks for more than there is
+        # A clock that jumps ahead asks for more than there is.
         left = int(np.ceil(max(self.way.duration - last, 0.0) / self.period)) + 1 if even else 1
         more = [last + even * k for k in range(1, min(steps - len(known), left) + 1)]
         return [min(place, self.way.duration) for place in known + more]
@@ -461,12 +467,13 @@ class Execution:
         barred = guards.barred(self.enabled, self.last or 0.0)
         if barred:
             return Cause.NOT_ENABLED, barred
-        if self.phase != 'running' or feedback is None or self.command is None:
+        stops = self.phase == 'stopping' and self.horizon > 0  # by a message that may be lost
+        if not (self.phase == 'running' or stops) or feedback is None or self.command is None:
             return None
         away = self._left(feedback, stamp)
         if away is not None:
             return Cause.PATH_TOLERANCE, away
-        if guards.path_shape and feedback.deviation > guards.path_shape:
+        if not stops and guards.path_shape and feedback.deviation > guards.path_shape:
             return (Cause.SHAPE_TOLERANCE, f'the DLO is {feedback.deviation:.3g} m from its plan: '
                     f'expected constraints.path.shape = {guards.path_shape:g} m at most')
         return None
@@ -520,7 +527,7 @@ class Execution:
 
 
 def blend_from_current_pose(way: TimedPath, here: Pose, shape: Shape, limits: Limits,
-                            period: float) -> tuple[TimedPath | Steered, float]:
+                            period: float) -> tuple[TimedPath | CorrectedTrajectory, float]:
     """Return a motion that begins at a pose, and its time there, s: 0, or negative.
 
     The gripper goes to the beginning of the way without swinging the DLO, within the limits, and
@@ -540,11 +547,11 @@ def blend_from_current_pose(way: TimedPath, here: Pose, shape: Shape, limits: Li
             break
         steps = int(np.ceil(windows.sum() / period))
         begin = -steps * period
-        steered = Steered(way, windows, (Change(_AGO, np.zeros(1), away[None]),
-                                         Change(begin, np.zeros(1), -away[None])))
+        motion = CorrectedTrajectory(way, windows, (Change(_AGO, np.zeros(1), away[None]),
+                                                    Change(begin, np.zeros(1), -away[None])))
         times = begin + period * np.arange(-3, steps + 1)
-        if used(steered.frames(times), limits, period) <= 1:
-            return steered, begin
+        if used(motion.frames(times), limits, period) <= 1:
+            return motion, begin
         least *= _NEXT
     raise Refused(Cause.NOT_AT_START, f'the gripper is {np.linalg.norm(away[3:]):.3g} m and '
                   f'{np.linalg.norm(turn):.3g} rad from where the plan begins, which it cannot '
@@ -555,7 +562,7 @@ def blend_from_current_pose(way: TimedPath, here: Pose, shape: Shape, limits: Li
 def _periods(way: TimedPath, shape: Shape) -> Floats:
     """Return (2,) the periods, s, of the DLO in a Shape that must not be excited."""
     try:
-        return Steered.of(way, shape).windows[:2]
+        return CorrectedTrajectory.of(way, shape).windows[:2]
     except InvalidTask:  # modes are not defined for all shapes
         rod: Any = shape.rod  # a plan's shapes know it
         return np.repeat(np.clip(slowest_period(rod), NARROWEST, WIDEST), 2)

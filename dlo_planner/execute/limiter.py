@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The limits of what goes out: measured on the poses themselves, as a robot receives them.
 
-Start, stops, corrections and what is told ahead are all judged by `used`: differences of the poses
+Start, stops, corrections and previews are all judged by `used`: differences of the poses
 that would be sent, one in each period. The Limiter is the last to see a command.
 
 A motion comes to rest, or begins again, along its own path: time along it runs slower and slower,
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
-from dlo_planner.identify.online_trajectory import Steered
+from dlo_planner.identify.online_trajectory import CorrectedTrajectory
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
@@ -173,7 +173,7 @@ def _sizes(rows: Floats) -> Floats:
     return result
 
 
-def decelerate(way: TimedPath | Steered, done: float, limits: Limits, period: float,
+def decelerate(way: TimedPath | CorrectedTrajectory, done: float, limits: Limits, period: float,
                lead: int = 0, rising: Rising | None = None, lasting: float = 0.0) -> Floats:
     """Return the times along a way, s, one for each coming period, on which it comes to rest."""
     def rate(since: Floats, steps: int) -> Floats:
@@ -183,12 +183,13 @@ def decelerate(way: TimedPath | Steered, done: float, limits: Limits, period: fl
     return _shortest(way, done, limits, period, rate, lead, lasting)
 
 
-def accelerate(way: TimedPath | Steered, done: float, limits: Limits, period: float) -> Floats:
+def accelerate(way: TimedPath | CorrectedTrajectory, done: float, limits: Limits,
+               period: float) -> Floats:
     """Return the times along a way, s, one for each coming period, on which it begins to run."""
     return _shortest(way, done, limits, period, lambda since, steps: _smooth(since / steps), 0)
 
 
-def _shortest(way: TimedPath | Steered, done: float, limits: Limits, period: float,
+def _shortest(way: TimedPath | CorrectedTrajectory, done: float, limits: Limits, period: float,
               rate: Callable[[Floats, int], Floats], lead: int, least: float = 0.0) -> Floats:
     """Return the times along a way in the shortest change of its rate that keeps the limits.
 

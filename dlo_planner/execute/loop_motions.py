@@ -25,7 +25,13 @@ from dlo_planner.execute.limiter import used
 from dlo_planner.identify.correction import Correction
 from dlo_planner.identify.estimate import Estimate, way_between
 from dlo_planner.identify.estimator import Swing
-from dlo_planner.identify.online_trajectory import NARROWEST, WIDEST, Change, Steered, step_response
+from dlo_planner.identify.online_trajectory import (
+    NARROWEST,
+    WIDEST,
+    Change,
+    CorrectedTrajectory,
+    step_response,
+)
 from dlo_planner.identify.vibration import FreeVibration
 from dlo_planner.inverse.held_inside import front_of
 from dlo_planner.inverse.simulator import InverseSimulator
@@ -58,20 +64,20 @@ from dlo_planner.trajectory.modal_response import Turns, vibrated
 from dlo_planner.trajectory.timed_path import TimedPath
 from dlo_planner.trajectory.trajectory import Trajectory, simulator_of
 
-_FOR_MOTION = 0.25  # part of the room by which the DLO may swing when it waits at the standoff
+_FOR_MOTION = 0.25  # At the standoff the DLO may vibrate by this fraction of the room.
 _SLOWER = 1.0, 0.7, 0.5, 0.35, 0.25  # of the speed that limits allow, until
-_AT_MOST = 0.75     # of the room is what the DLO may miss at rest
-_OF_SPARE = 0.6     # part of the room that the bound leaves, which motion may use: far below 1 mm
-                    # the search takes long and finds motions that take four times as long
-_FOR_CORRECTIONS = 0.05  # part of the room by which a bound may grow until the entry
-LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion
+_AT_MOST = 0.75     # At rest the DLO may miss by this fraction of the room.
+_OF_SPARE = 0.6     # Motion may use this fraction of the room that the bound leaves. Far below 1 mm
+                    # the search takes long, and the motions it finds four times as long.
+_FOR_CORRECTIONS = 0.05  # Until the entry a bound may grow by this fraction of the room.
+LEAST_FOR_MOTION = 0.1  # This fraction of the room is kept for the DLO's deviation in motion.
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
-_ALONG = 0.01       # rad: along the normal it passes within rounding, obliquely far beyond this
-_OF_LIMITS = 0.95   # that motions are made for: the rest is for corrections
-_BACK = 12, 24, 48, 96, 192  # poses on the way back, as many as keep to the way there
-_STEP = 0.01        # of the length: from pose to pose on the way onto a contact
-_TRIED = 200        # times at which it is looked where on its way the gripper stands
-_WINDOW = 0.1       # of the slowest period, of each of three windows that smooth a step
+_ALONG = 0.01       # rad; along the normal it passes within rounding, obliquely far beyond this.
+_OF_LIMITS = 0.95   # Motions are made for this fraction of the limits; corrections have the rest.
+_BACK = 12, 24, 48, 96, 192  # Poses on the path back, until they keep to the path there.
+_STEP = 0.01        # of the length; from pose to pose on the path onto a contact.
+_TRIED = 200        # The place of the gripper on its path is sought at so many times.
+_WINDOW = 0.1       # of the slowest period; three windows of this width smooth a step.
 _PULSES = 10       # steps aside and back again, one after the other
 _APART = 0.15      # of the slowest period, from one to the next
 _ASIDE = 2         # of them, until it goes back
@@ -85,7 +91,7 @@ _DELAYS = np.linspace(-0.1, 0.4, 101)  # s
 class LoopTask:
     """A task for a closed loop: the DLO hangs freely up to its entry, where its miss is judged.
 
-    The entry is the first waypoint that passes a place of the task: a cut-out or the mouth of a
+    The entry is the first waypoint that passes a place of the task: a cut-out or the entrance of a
     bore as the free end comes to it, a contact shortly before it is touched.
 
     Attributes
@@ -346,9 +352,9 @@ class GripperMotion(NamedTuple):
     obliquely: bool | None = None
 
     @property
-    def steered(self) -> Steered:
+    def corrected_trajectory(self) -> CorrectedTrajectory:
         """The motion in poses to be commanded, which can be corrected."""
-        return _steered(self.trajectory, self.estimate, self.there)
+        return _corrected_trajectory(self.trajectory, self.estimate, self.there)
 
     @property
     def bound(self) -> float:
@@ -361,8 +367,9 @@ class GripperMotion(NamedTuple):
         return np.nan if self.trajectory.motion is None else self.trajectory.motion.departure
 
 
-def _steered(trajectory: Trajectory, estimate: Estimate, there: Shape) -> Steered:
-    return Steered.of(trajectory, there, estimate.gripper_offset.inverse())
+def _corrected_trajectory(trajectory: Trajectory, estimate: Estimate,
+                          there: Shape) -> CorrectedTrajectory:
+    return CorrectedTrajectory.of(trajectory, there, estimate.gripper_offset.inverse())
 
 
 @dataclass(frozen=True)
@@ -389,7 +396,7 @@ class Entry:
     def reached(self) -> Floats:
         """Times (n,), s, at which the motion reaches the waypoints from the entry on."""
         assert self.motion is not None
-        return self.motion.steered.reached(self.whole.times[-len(self.commanded):])
+        return self.motion.corrected_trajectory.reached(self.whole.times[-len(self.commanded):])
 
 
 def way_to_standoff(task: LoopTask, estimate: Estimate, here: Pose) -> GripperMotion:
@@ -413,14 +420,14 @@ def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float | None, l
     commanded = commanded_of(task.estimated(through), estimate)
     there = [shape for shape in whole.shapes if not (shape.holds or shape.contacts)][-1]
 
-    def bound_in(way: Steered, lag: float = lag) -> float:
+    def bound_in(way: CorrectedTrajectory, lag: float = lag) -> float:
         reached = way.reached(whole.times[-len(through):])
         return miss_bound(estimate, commanded, way, reached, 0.0, lag)
 
     tried = []
     for part in _SLOWER if np.isfinite(lag) else _SLOWER[:1]:  # slower is corrected the better
         limits = slowed(task.motion_limits, part)
-        quick = _steered(Trajectory(whole, limits, tolerance=np.inf), estimate, there)
+        quick = _corrected_trajectory(Trajectory(whole, limits, tolerance=np.inf), estimate, there)
         tried.append((bound_in(quick), limits))
         if tried[-1][0] <= _AT_MOST * task.room:
             break
@@ -433,7 +440,7 @@ def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float | None, l
     trajectory = _trajectory(task, whole, tolerance, limits)
     swing = swing_of(trajectory, estimate, task.estimated(whole))
     motion = GripperMotion(estimate, trajectory, there, swing)
-    bound = bound_in(motion.steered)
+    bound = bound_in(motion.corrected_trajectory)
     return Entry(estimate, bound, whole, commanded, None if bound > most else motion)
 
 
@@ -527,7 +534,7 @@ class Calming:
     """
 
     before: FreeVibration
-    way: Steered    # from where the gripper stands, and back
+    way: CorrectedTrajectory    # from where the gripper stands, and back
     stamp: float    # s, when it ends
     answer: Floats  # (2, m) state of the DLO then if it had been at rest before
 
@@ -548,11 +555,11 @@ class Calming:
                                   rows.T @ left)
         path = GripperPath.through([here, here], [0.0, duration], 1.0)
 
-        def way(pulses: Floats) -> Steered:
+        def way(pulses: Floats) -> CorrectedTrajectory:
             changes = [Change(begin + later, np.zeros(1), np.append(np.zeros(3), sign * pulse)[
                 None]) for begin, pulse in zip(begins, pulses.reshape(-1, 3), strict=True)
                 for later, sign in ((0.0, 1.0), (lasts, -1.0))]
-            return Steered(TimedPath(path, (None,), limits), windows, tuple(changes))
+            return CorrectedTrajectory(TimedPath(path, (None,), limits), windows, tuple(changes))
 
         frames = way(pulses).frames(np.arange(0.0, duration + 4 * period, period))
         away = np.linalg.norm(frames[0] - here.position, axis=1).max()

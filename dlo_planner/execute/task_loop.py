@@ -22,11 +22,11 @@ import numpy as np
 from dlo_planner.execute.causes import Cause, cause_of
 from dlo_planner.execute.correction_checks import (
     Aimed,
-    aimed_anew,
     lag_of,
     misfit_reason,
     motion_bound,
     obstacles_around,
+    retargeted,
 )
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled, Feedback, Guards
@@ -43,26 +43,26 @@ from dlo_planner.execute.loop_motions import (
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import Correction
 from dlo_planner.identify.estimator import DloEstimator
-from dlo_planner.identify.online_trajectory import Steered
+from dlo_planner.identify.online_trajectory import CorrectedTrajectory
 from dlo_planner.identify.vibration import ONE_PERIOD, STATED, FreeVibration
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.requirements import Limits
 
-_MOVED = 1e-4       # m, or of unit vectors: the gripper has left the standoff
+_MOVED = 1e-4       # m, or of unit vectors; a gripper that moved by more has left the standoff.
 _TRIED = 200        # times at which it is looked where on its way the gripper stands
-_ASIDE = 0.02, 0.1  # m, rad: a gripper that is farther from where it stood was moved
-_CALM_STOP = 2.0    # slowest periods in which a motion comes to rest, where there is room
-_OF_THE_WAY = 0.3   # to the entry, on which it comes to rest where it can: it may swing ahead
-_FOLLOWED = 0.3     # s after the last command until the gripper is at rest
-_SWINGS = 0.6       # of the swing that is tolerated, from which on it is taken away
-_TOLD = 2.0         # times as large a swing tells of the delay
+_ASIDE = 0.02, 0.1  # m, rad; a gripper that is farther from where it stood was moved.
+_CALM_STOP = 2.0    # slowest periods; a motion comes to rest in them, where it can.
+_OF_THE_WAY = 0.3   # It comes to rest on this fraction of the path to the entry, where it can.
+_FOLLOWED = 0.3     # s; the gripper is at rest so long after the last command.
+_SWINGS = 0.6       # A vibration above this fraction of the tolerated one is taken away.
+_CLEAR = 2.0        # A vibration that is so many times larger shows the delay as well.
 _SEEING, _AGAIN = 1.5, 0.25  # s, in which a swing is looked at, until it is tried again
-_LOOK_LONGER = 2.0  # times as long as a look lasts it goes on until a whole period is seen, at most
-_LONGEST_SEEING = 6.0  # s, after which it is believed to be none where nothing was seen
-_SURE = 2.0         # standard deviations by which a swing has to be told from noise
-_OF_STANDOFF = 0.2  # by which a gripper may move to take a swing away
-_CALMINGS = 6       # in one look
+_LOOK_LONGER = 2.0  # A look goes on until a whole period is seen, so many times as long at most.
+_LONGEST_SEEING = 6.0  # s; what was not seen to vibrate until then is believed to be at rest.
+_SURE = 2.0         # A vibration has to exceed noise by so many standard deviations.
+_OF_STANDOFF = 0.2  # To take a vibration away the gripper may move by this fraction of it.
+_CALMINGS = 6       # So often a vibration is taken away in one look.
 _CLOSELY = 1.5      # s before the entry, in which each cloud is looked at: a slip has to be seen
 _PLANNED = 1e-4     # m, by which a plan misses centers and says so
 _MUCH = 1.5         # times as far off as stated: a camera that is said to be the cause
@@ -96,7 +96,7 @@ class TaskLoop:
     period : float, optional
         Between two commands, s.
     horizon : float, optional
-        Coming motion of which the robot is told ahead, s.
+        Preview: how much of the coming motion each message holds, s.
     frame_id : str, optional
         Frame of the poses, for messages.
     heard_after : float, optional
@@ -104,7 +104,7 @@ class TaskLoop:
 
     Attributes
     ----------
-    promised : float
+    miss_bound_95 : float
         Largest miss that is expected, m, with 95 %; nan before the entry is planned.
     cause, reason : Cause and str
         Why it stopped, once `phase` is STOP.
@@ -150,8 +150,13 @@ class TaskLoop:
         self._misses = False  # whether that is why it last turned back
         # the largest miss that is expected, m: the 95 % bound of the estimate, what the simulated
         # motion adds, and what the DLO still swings from the one to the standoff
-        self.promised = np.nan
+        self.miss_bound_95 = np.nan
         self.cause, self.reason = Cause.DONE, ''  # why it stopped
+
+    @property
+    def promised(self) -> float:
+        """The earlier name of `miss_bound_95`, for one release."""
+        return self.miss_bound_95
 
     @property
     def phase(self) -> Phase:
@@ -164,7 +169,7 @@ class TaskLoop:
         return self._loop.tries
 
     def gripper(self, feedback: Feedback) -> None:
-        """Take in where the tool frame was measured; `observing` has to be told as well."""
+        """Take in where the tool frame was measured; `observing` needs it as well."""
         self._feedback = feedback
         self._here = self._led()
 
@@ -173,7 +178,7 @@ class TaskLoop:
         return self._here if self._feedback is None else self._feedback.pose.compose(self._tool)
 
     def _led(self) -> Pose:
-        """Return where the gripper was led to: measured before the first command, no leap after."""
+        """Return where the gripper was led to: measured before the first command, no jump after."""
         measured = self._measured
         return min([] if self.last is None else self.last.led, default=measured, key=lambda pose: (
             float(np.linalg.norm(pose.position - measured.position))))
@@ -265,7 +270,7 @@ class TaskLoop:
         since = loop.calm if loop.since is not None else time
         unseen = time - since >= loop.look and observing.seen < since
         swings, looked = False, time - since >= loop.look
-        if looked and not (observing.doubted or unseen):
+        if looked and not (observing.inconsistent or unseen):
             if time < self._sees:
                 return
             seen = observing.vibration(self._measured, since, self._factor, ONE_PERIOD)
@@ -273,7 +278,7 @@ class TaskLoop:
                 self._sees = time + _AGAIN
                 return
             swings = self._swings(seen)
-        doubted = observing.doubted or swings
+        doubted = observing.inconsistent or swings
         loop = loop.advanced(time, doubted=doubted or unseen)
         if doubted:
             self._rest(time)
@@ -296,7 +301,7 @@ class TaskLoop:
     def _rest(self, since: float) -> None:
         """Look only at how the DLO swings, from a time (s) on, since which the gripper stands."""
         self._may_swing, self._rests, self._sees = True, since, since + _SEEING
-        self.observing.reopen(np.inf)
+        self.observing.inflate_covariance(np.inf)
 
     def _swinging(self, time: float) -> ClosedLoop:
         """Return the state in which the swing of the DLO is seen, taken away, or over."""
@@ -319,17 +324,17 @@ class TaskLoop:
                 self._rests, self._sees = time, time + _SEEING
                 return loop
         self._may_swing = False
-        self.observing.reopen(time)
+        self.observing.inflate_covariance(time)
         return replace(loop, doubted=time)
 
-    def _calming(self, seen: FreeVibration, time: float) -> Steered | None:
+    def _calming(self, seen: FreeVibration, time: float) -> CorrectedTrajectory | None:
         """Return the motion that takes a vibration away, None where there is no room for it.
 
         The last one tells of the delay.
         """
         task, farthest = self._task, min(FARTHEST, _OF_STANDOFF * self._task.standoff)
         last = self._calmed
-        if last is not None and last.before.amplitude > _TOLD * _SWINGS * self._task.tolerance:
+        if last is not None and last.before.amplitude > _CLEAR * _SWINGS * self._task.tolerance:
             self._delay = last.delay(seen)
         period = self._execution_of.keywords['period']
         found = Calming.of(seen, time + self._heard_after, self._delay, self._here,
@@ -362,13 +367,13 @@ class TaskLoop:
             self._entry, self._correction = done, None
             moves = done.moves if done.motion is not None else self._kept(done.bound)
             bound = done.bound + self._left + moves
-        loop = self._loop.advanced(time, bound, finished=True, doubted=self.observing.doubted)
+        loop = self._loop.advanced(time, bound, finished=True, doubted=self.observing.inconsistent)
         if isinstance(done, GripperMotion) and loop.phase is Phase.GO:
             self._departure = done.departure
             self._go(done)
         elif loop.phase is Phase.ENTER and isinstance(done, Entry) and bound is not None:
             assert done.motion is not None  # its bound would be infinite
-            self.promised = bound
+            self.miss_bound_95 = bound
             self._go(done.motion)
         self._to(loop, time)
 
@@ -381,7 +386,7 @@ class TaskLoop:
 
     def _go(self, motion: GripperMotion) -> None:
         """Begin a motion."""
-        self.execution = self._execution_of(motion.steered)
+        self.execution = self._execution_of(motion.corrected_trajectory)
         self.observing.moves(motion.swing, self._time_at)
 
     def _time_at(self, stamp: float) -> float:
@@ -416,7 +421,7 @@ class TaskLoop:
         execution = self.execution
         if execution is None or execution.phase != 'running':
             return
-        bound, doubted = None, self.observing.doubted
+        bound, doubted = None, self.observing.inconsistent
         if self.phase is Phase.ENTER:
             bound = self._corrected_bound(time, execution)
             unseen = time - max(self.observing.seen, self._loop.since or 0.0)
@@ -424,7 +429,7 @@ class TaskLoop:
             left = self._to_entry(execution)
             doubted = doubted or (max(unseen, late) > _UNSEEN and left > 0)
             self.observing.closely = 0 < left < _CLOSELY
-            if left <= 0 and not self._task.hangs:  # what is seen of it tells nothing any more
+            if left <= 0 and not self._task.hangs:  # a look says nothing of the entry any more
                 self.observing.ignore()
                 doubted = False
         loop = self._loop.advanced(time, bound, doubted=doubted)
@@ -442,7 +447,7 @@ class TaskLoop:
         Before the hole on a part of the way there, in it at once.
         """
         way = execution.way
-        assert isinstance(way, Steered)
+        assert isinstance(way, CorrectedTrajectory)
         longest = _CALM_STOP * float(way.windows[0])
         if self.phase is Phase.RETREAT and not self._loop.at_standoff:
             return longest
@@ -455,7 +460,7 @@ class TaskLoop:
         if self.cause or execution.cause is not Cause.MISS_EXPECTED:  # from outside, or by a guard
             self._end(self.cause or execution.cause, self.reason or execution.reason, time)
         elif self._loop.at_standoff and self._entry is not None:
-            assert isinstance(execution.way, Steered)
+            assert isinstance(execution.way, CorrectedTrajectory)
             times = np.linspace(0.0, execution.done, _TRIED)
             off = [np.linalg.norm(pose.position - self._here.position)
                    for pose in execution.way.poses(times)]
@@ -500,7 +505,7 @@ class TaskLoop:
             entry, moves, planned = self._entry, '', ''
             most = f'the room of {self._task.room:.3g} m'  # what was judged
             place = 'the place that it touches' if self._task.touches else 'the center'
-            bound = self.promised if self._misses else entry.bound
+            bound = self.miss_bound_95 if self._misses else entry.bound
             if entry.motion is not None:
                 added = self._left + entry.moves
                 bound += 0.0 if self._misses else added
@@ -534,7 +539,7 @@ class TaskLoop:
         Where the correction must not be executed, that of what is executed.
         """
         way, entry, aimed = execution.way, self._entry, self._done
-        assert isinstance(way, Steered) and entry is not None
+        assert isinstance(way, CorrectedTrajectory) and entry is not None
         if isinstance(aimed, Aimed):
             self._done = None
             reached = entry.reached
@@ -550,7 +555,7 @@ class TaskLoop:
                 return None
             bound = self._left + motion_bound(execution) - entry.planned + (
                 aimed.bound if corrected.way is not way else aimed.bound_before)
-            self.promised = max(self.promised, bound)
+            self.miss_bound_95 = max(self.miss_bound_95, bound)
             return bound
         seen = self.observing.seen > (self._loop.corrected or -np.inf)
         if self._work is None and seen and self._loop.correction_due(time):
@@ -559,7 +564,7 @@ class TaskLoop:
             if first < len(entry.commanded):
                 observing = self.observing
                 self._work = partial(
-                    aimed_anew, self._task.front, observing.estimate, entry.commanded, way,
+                    retargeted, self._task.front, observing.estimate, entry.commanded, way,
                     execution.free, entry.reached, self._correction,
                     observing.seeing.largest_correction, self._lag,
                     misfit_reason(observing, self._task.limits.linear_speed),

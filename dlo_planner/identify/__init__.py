@@ -7,7 +7,9 @@ from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate, PredictedMiss
 from dlo_planner.identify.fit import Fit
 from dlo_planner.identify.observation import Observation, ObservedMotion, gripper_at
-from dlo_planner.identify.online_trajectory import Steered
+from dlo_planner.identify.online_trajectory import CorrectedTrajectory
 
-__all__ = ['Correction', 'Estimate', 'Fit', 'Observation', 'ObservedMotion', 'Phase',
-           'PredictedMiss', 'Steered', 'correct', 'gripper_at']
+__all__ = ['CorrectedTrajectory', 'Correction', 'Estimate', 'Fit', 'Observation', 'ObservedMotion',
+           'Phase', 'PredictedMiss', 'correct', 'gripper_at']
+
+Steered = CorrectedTrajectory  # its earlier name, for one release

@@ -117,12 +117,12 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0, before: Correction |
     """Return the Correction of the remaining waypoints of a plan, of any task.
 
     At each waypoint that passes a place, the DLO passes where the planned one does: a cut-out along
-    the same direction, two and more at once, the mouth of a bore with the same frame, the place of
+    the same direction, two and more at once, the entrance of a bore with the same frame, places of
     a contact along its direction, as if nothing rubbed there. What that leaves free stays as
     planned. Where the plan passes a cut-out obliquely, the place counts, and the direction as much
     as that the gripper turns little: what is softer than planned might not reach that direction, or
     only where it hardly stays. A waypoint before these is displaced like the first of them. The
-    poses are quasi-static; `Steered` blends them into a motion.
+    poses are quasi-static; `CorrectedTrajectory` blends them into a motion.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ class _Aim:
         free = np.array(frames[0][0][:, 0] if passes[0][2] is None else passes[0][2])
         rows = [(POSITION, places[0], rotation, weight),
                 *((THROUGH, place, rotation, weight) for place in places[1:])]
-        if planned.far_end is not None:  # the mouth of a bore: the whole frame
+        if planned.far_end is not None:  # the entrance of a bore: the whole frame
             s = self._mesh(planned).s[-1]
             rows.append((ROTATION, free, np.array(frames[0][0]), 1.0))
         else:
@@ -365,7 +365,7 @@ class _Aim:
         return parameters.at(x)
 
     def _outside(self, planned: Discretization, whole: float) -> Discretization:
-        """Return the estimated DLO before a bore, whose mouth bears what it should of masses."""
+        """Return the estimated DLO before a bore, whose entrance bears what it should of masses."""
         parameters, rod, around = self.estimate.uncertain.parameters, self._straight, (
             planned.surroundings)
         x, free = self.estimate.mean[:parameters.size], planned.free

@@ -235,7 +235,7 @@ class Estimate(Reported):
         the probability that it belongs to the DLO; nan before the first look.
     outliers : float
         Part of the same points that seem not to belong to the DLO; nan before the first.
-    surprise : float
+    normalized_innovation : float
         How far the last look is from what was expected before it: the largest of the chi-square by
         which it moved the state, of that by which it and those shortly before it together moved the
         free end, of that of the points' distances after it, and of the outliers, each by the value
@@ -251,7 +251,7 @@ class Estimate(Reported):
     converged: bool = True
     misfit: float = np.nan
     outliers: float = np.nan
-    surprise: float = np.nan
+    normalized_innovation: float = np.nan
     robot: RobotError = RobotError(np.zeros(6))
     _shape: Shape | None = field(default=None, compare=False)
     _memory: Any = field(default=None, compare=False)  # of the looks, see `identify.smoother`
@@ -264,7 +264,8 @@ class Estimate(Reported):
             converged=flag('Estimate.converged', self.converged),
             misfit=figure('Estimate.misfit', self.misfit),
             outliers=figure('Estimate.outliers', self.outliers),
-            surprise=figure('Estimate.surprise', self.surprise))
+            normalized_innovation=figure('Estimate.normalized_innovation',
+                                         self.normalized_innovation))
         if not (np.isfinite(self.mean).all() and np.isfinite(self.covariance).all()):
             raise InvalidTask('Estimate.mean, Estimate.covariance: expected finite numbers')
         instance('Estimate.robot', self.robot, RobotError)
@@ -275,19 +276,25 @@ class Estimate(Reported):
         return brief(self, f'{self.looks} looks',
                      '' if self.converged else 'last one not converged',
                      f'misfit {self.misfit:.2g} m' if self.looks else '',
-                     f'surprise {self.surprise:.2g}' if self.surprise > 1 else '',
+                     '' if not self.normalized_innovation > 1 else
+                     f'normalized innovation {self.normalized_innovation:.2g}',
                      f'{self.uncertain.size} numbers')
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write what it says as JSON, not what it remembers of the looks: for records."""
         write_value(path, {name: getattr(self, name) for name in (
             'values', 'deviations', 'covariance', 'looks', 'converged', 'misfit', 'outliers',
-            'surprise')})
+            'normalized_innovation')})
+
+    @property
+    def surprise(self) -> float:
+        """The earlier name of `normalized_innovation`, for one release."""
+        return self.normalized_innovation
 
     @property
     def agrees(self) -> bool:
         """Whether the last look could be used and is what could be expected before it."""
-        return self.converged and not self.surprise > 1
+        return self.converged and not self.normalized_innovation > 1
 
     @property
     def inflation(self) -> float:

@@ -38,31 +38,30 @@ from dlo_planner.uncertainty.parameters import Uncertainty
 from dlo_planner.uncertainty.state import CAMERA, CameraError
 
 _REMEMBERED = 1000   # gripper poses: 2 s of them at 500 Hz
-_ABOUT = 0.25        # s before and after a stamp: of which speed and acceleration are told
+_ABOUT = 0.25        # s before and after a stamp; speed and acceleration are fitted to them.
 _SAG, _WEIGHT = 0.5, 9.81  # of the length: how far weight bends a soft DLO; m/s^2
-_MOST_POINTS = 100   # of a cloud: more tell little more and take long
+_MOST_POINTS = 100   # More points of a cloud add little and take long.
 _LEAST_POINTS = 3
-_PATIENCE = 0.1      # s that the gripper's pose may come later than a cloud of its time
-_STILL, _EVEN = 2e-3, 5e-3  # m/s, m/s^2: what noise of the poses alone gives
-_SET_BACK = 1.0      # s: a stamp that is so much older than the last
+_PATIENCE = 0.1      # s; the gripper's pose may come so much later than a cloud of its time.
+_STILL, _EVEN = 2e-3, 5e-3  # m/s, m/s^2; noise of the poses alone gives as much.
+_SET_BACK = 1.0      # s; with a stamp that is older by so much the clock was set back.
 _GAP, _SAME = 0.5, 1e-3  # s between poses; m and rad by which one is still the same
-_LONGEST_SWING = 2.0 # s
-_NEAR = 12           # poses of which a motion is told
-_UNKNOWN = 0.25      # of how far a DLO is bent in motion: what its simulation does not know
+_LONGEST_SWING = 2.0  # s
+_NEAR = 12           # A motion is fitted to so many poses.
+_UNKNOWN = 0.25      # This fraction of how far motion bends a DLO is not known by simulation.
 _SWING_STEP = 0.1    # s
 _BENT = 33           # places along the DLO
-_LASTS = 2.5         # s that a motion is looked at after its end
-_LEAST_SWINGS = 3    # looks from which a swing is told
+_LASTS = 2.5         # s; a motion is looked at for so long after its end.
+_LEAST_SWINGS = 3    # From so many looks on an amplitude of vibration is estimated.
 _ACROSS = 2          # axes along which a point is off its DLO
-_OWN = 4.0           # times the median distance: what is farther off is none of the DLO's points
-_DOUBT, _OF = 2, 8   # looks that disagree, of the last ones: fewer are left to chance
-_OFTEN = 0.05        # s between two clouds that tell of a vibration
-_CLOUDS = 50         # by which a vibration is told
-_NO_CHANCE = 10.0    # times the surprise that one look in 10,000 exceeds
-# of the stamps' error: what is another one in each look, of which filters and queues make some
-# 20 ms
+_OWN = 4.0           # Points farther off than so many median distances are not the DLO's.
+_DOUBT, _OF = 2, 8   # Fewer looks that disagree, of so many last ones, are left to chance.
+_OFTEN = 0.05        # s between two clouds to which a vibration is fitted.
+_CLOUDS = 50         # A vibration is fitted to so many clouds at most.
+_NO_CHANCE = 10.0    # times the innovation that one look in 10,000 exceeds; one such is enough.
+# Fraction of the stamps' error that differs from look to look: filters and queues make some 20 ms.
 _JITTER = 0.4
-_FAR = 6.0           # deviations along an axis by which a cut-out may be seen off
+_FAR = 6.0           # A cut-out may be seen off by so many deviations along an axis.
 
 
 @dataclass(frozen=True)
@@ -200,7 +199,7 @@ class DloEstimator:
     off : float
         Median distance of the points of the last look from the DLO as it is estimated, m; nan
         before any.
-    surprise : float
+    normalized_innovation : float
         Of the last look, see `Estimate`; infinite: no equilibrium explains it.
     seen, looked : float
         Stamps, s, of the last look that agreed, and of any.
@@ -218,7 +217,7 @@ class DloEstimator:
         self.seeing = seeing
         if seeing.spread == Uncertainty() and not seeing.cutout:
             raise InvalidTask(f'seeing.spread, the uncertainty of the DLO, = {seeing.spread!r}: '
-                              'expected a deviation above 0, there is nothing to be told by looks')
+                              'expected a deviation above 0, there is nothing to be estimated')
         self._observer = Observer(simulator, seeing.spread, noise=seeing.noise, bias=seeing.bias,
                                   camera_rotation=seeing.camera_rotation, stamps=seeing.stamps,
                                   cutout=seeing.cutout, outliers=seeing.outliers,
@@ -247,13 +246,22 @@ class DloEstimator:
         return float(np.sqrt(2 * max(scatter - _ACROSS * ends[:, 3].mean(), 0.0)))
 
     @property
-    def doubted(self) -> bool:
+    def inconsistent(self) -> bool:
         """Whether two of the last eight looks do not agree with the estimate, or one not at all.
 
         Looks at the DLO, and those at the cut-out.
         """
-        return (sum(self._disagree) >= _DOUBT or _NO_CHANCE < self.surprise < np.inf
+        return (sum(self._disagree) >= _DOUBT or _NO_CHANCE < self.normalized_innovation < np.inf
                 or self.cutout_suspect)
+
+    @property
+    def doubted(self) -> bool:
+        """The earlier name of `inconsistent`, for one release."""
+        return self.inconsistent
+
+    def reopen(self, stamp: float = -np.inf) -> None:
+        """Do what `inflate_covariance` does: its earlier name, for one release."""
+        self.inflate_covariance(stamp)
 
     @property
     def cutout_suspect(self) -> bool:
@@ -279,7 +287,7 @@ class DloEstimator:
             self._reopened: Estimate | None = None
             self._begin(self._first)
 
-    def reopen(self, stamp: float = -np.inf) -> None:
+    def inflate_covariance(self, stamp: float = -np.inf) -> None:
         """Take the DLO as one that may have slipped or been bent, from a stamp (s) on.
 
         The rest stays known, unless it is in doubt: the camera where no look has ever agreed, for
@@ -334,8 +342,8 @@ class DloEstimator:
     def _begin(self, estimate: Estimate) -> None:
         self.estimate = estimate  # the newest one of looks that agree; the prior before any
         # of the last look, whether it was believed or not: the median distance of the points from
-        # the DLO as it is estimated, m, and `Estimate.surprise`
-        self.off = self.surprise = np.nan
+        # the DLO as it is estimated, m, and `Estimate.normalized_innovation`
+        self.off = self.normalized_innovation = np.nan
         self.seen = self.looked = -np.inf  # stamps, s, of the last look that agreed, and of any
         self._disagree: deque[bool] = deque(maxlen=_OF)  # whether the last looks did
         self._carries = False  # whether points of the last look were carried along, and not seen
@@ -369,13 +377,13 @@ class DloEstimator:
             raise InvalidTask(f'the cut-out was seen {off:.3g} m from where it is stated: expected '
                               f'{most:.3g} m at most, by observe.cutout = {seeing.cutout:g} m')
         with self._lock:
-            surprise = self._observer.cutout_surprise
-            agrees = not self._holes or surprise(self.estimate, stated, seen) <= 1
+            innovation = self._observer.cutout_innovation
+            agrees = not self._holes or innovation(self.estimate, stated, seen) <= 1
             self._holes.append(seen)
             self._holes_disagree.append(not agrees)
             if len(self._holes) == _OF:  # what is hidden by the noise of one look
-                self._hole_moved = surprise(self.estimate, stated, np.mean(self._holes, axis=0),
-                                            seeing.noise / np.sqrt(_OF)) > 1
+                self._hole_moved = innovation(self.estimate, stated, np.mean(self._holes, axis=0),
+                                              seeing.noise / np.sqrt(_OF)) > 1
             if agrees:
                 self.estimate = self._observer.see_cutout(self.estimate, stated, seen)
 
@@ -456,7 +464,7 @@ class DloEstimator:
             if self.estimate is not estimate:  # it was reset meanwhile
                 return self.estimate
             self.looked, self.off = stamp, off
-            self.surprise = after.surprise if after.converged else np.inf
+            self.normalized_innovation = after.normalized_innovation if after.converged else np.inf
             self._disagree.append(not after.agrees)
             if after.agrees:
                 self.estimate, self.seen = after, stamp

@@ -123,7 +123,7 @@ class Fit(Answer):
                  if not np.isfinite(np.array(value, dtype=float)).all()]
         return brief(self, self.status,
                      f'misfit {self.misfit:.2g} m',
-                     f'not told by the observations: {", ".join(open_)}' if open_ else '',
+                     f'not resolvable from the observations: {", ".join(open_)}' if open_ else '',
                      *(f'{name} {figures(value)}' for name, value in self.values.items()))
 
     @property
@@ -370,7 +370,7 @@ _MOSTLY = 0.65  # weight of the first
 
 
 def student_widening(freedom: float) -> float:
-    """Return by how much deviations grow whose noise is told by `freedom` numbers.
+    """Return by how much deviations grow whose noise is estimated from `freedom` numbers.
 
     By what 68 and 95 % of Student's t lie within, against the normal distribution; no factor is
     right for both, a mean is within 5 and 3 points of them from 3 degrees of freedom on.

@@ -34,7 +34,7 @@ _REACH = 0.3
 _HIDDEN = 0.2  # of the noise: what moves a point by less at most is hidden by it
 _MEDIAN = 0.6744897501960817  # of the size of a standard normal number
 
-_LARGEST = 0.97    # correlation of neighbors: more cannot be told from a drift
+_LARGEST = 0.97    # correlation of neighbors: more is not distinguishable from a drift
 _WIDTH = 1.1447    # of Andrews, for Bartlett's kernel
 _FREEDOM = 1.5     # degrees of freedom of Bartlett's kernel, per instants in its width
 _LEAST_FREEDOM = 2.5

@@ -57,7 +57,7 @@ class Observer(Value):
         Standard deviation of the camera's constant rotation about each world axis, rad.
     stamps : float, optional
         Standard deviation of the constant delay by which the stamps of looks are wrong, s. It is
-        told by looks in motion, see `update`.
+        identified from looks in motion, see `update`.
     cutout : float, optional
         Standard deviation of the place of each cut-out along each world axis, m. Several are off
         independently; `see_cutout` is of the only one.
@@ -156,7 +156,7 @@ class Observer(Value):
             far as the DLO follows its gripper.
         velocity : array_like, shape (6,), optional
             How the gripper moved at the stamp: angular velocity, rad/s, and velocity, m/s, world
-            axes. By it the constant delay of the stamps is told.
+            axes. From it the constant delay of the stamps is identified.
         bent : array_like, shape (k, 3), optional
             By how much the DLO is off its rest at k even arc lengths from the gripper to its end,
             m, world axes, as in a motion that was simulated. If None, it is expected at rest.
@@ -280,7 +280,7 @@ class Observer(Value):
                          camera_scale=camera or old.camera_scale)
         return replace(estimate, mean=mean, covariance=covariance, _memory=window)
 
-    def cutout_surprise(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike,
+    def cutout_innovation(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike,
                         noise: float | None = None) -> float:
         """Return how far off a cut-out is seen: a chi-square by what chance hardly exceeds.
 

@@ -80,7 +80,7 @@ class Change(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Steered(Value):
+class CorrectedTrajectory(Value):
     """A Trajectory whose remaining part is corrected while it runs.
 
     Corrections are added to the motion without a limit of their own: the sum may exceed the
@@ -110,21 +110,23 @@ class Steered(Value):
     tool: Pose = Pose.identity()
 
     def __post_init__(self) -> None:
-        instance('Steered.trajectory', self.trajectory, TimedPath)
-        instance('Steered.tool', self.tool, Pose)
-        put(self, windows=row('Steered.windows', self.windows, minimum=NARROWEST, maximum=WIDEST),
-            changes=items('Steered.changes', self.changes, Change))
+        instance('CorrectedTrajectory.trajectory', self.trajectory, TimedPath)
+        instance('CorrectedTrajectory.tool', self.tool, Pose)
+        put(self, windows=row('CorrectedTrajectory.windows', self.windows, minimum=NARROWEST,
+                              maximum=WIDEST),
+            changes=items('CorrectedTrajectory.changes', self.changes, Change))
         if self.windows.size < _LEAST:
-            raise InvalidTask(f'Steered.windows has {self.windows.size} entries: expected {_LEAST} '
-                              'at least, or the jerk is not bounded')
+            raise InvalidTask(f'CorrectedTrajectory.windows has {self.windows.size} entries: '
+                              f'expected {_LEAST} at least, or the jerk is not bounded')
         super().__post_init__()
 
     def __repr__(self) -> str:
         return brief(self, f'{self.duration:.4g} s', f'{len(self.changes)} changes')
 
     @classmethod
-    def of(cls, trajectory: TimedPath, shape: Shape, tool: Pose | None = None) -> Steered:
-        """Return a Steered whose windows are periods of the DLO in a Shape, and 0.1 s.
+    def of(cls, trajectory: TimedPath, shape: Shape,
+           tool: Pose | None = None) -> CorrectedTrajectory:
+        """Return a CorrectedTrajectory whose windows are periods of the DLO in a Shape, and 0.1 s.
 
         The periods are the slowest one and the next that is shorter by more than a factor of 1.2
         (the slowest vibrations in two planes often differ by less).
@@ -265,7 +267,8 @@ class Steered(Value):
         done = np.maximum.accumulate(self.trajectory.progress(times))
         return np.interp(plan_times, done, times)
 
-    def corrected(self, time: float, correction: Correction, reached: ArrayLike) -> Steered:
+    def corrected(self, time: float, correction: Correction,
+                  reached: ArrayLike) -> CorrectedTrajectory:
         """Return the motion that changes to the poses of a Correction from `time` on.
 
         A correction that did not converge changes nothing.

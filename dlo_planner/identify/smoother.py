@@ -275,10 +275,10 @@ class LagWindow:
         """
         own = np.ix_(columns, columns)
         certain = np.linalg.inv(self.covariance[own])  # what is else in the state is integrated out
-        told = certain - np.eye(columns.size) / self.camera_scale**2
+        gained = certain - np.eye(columns.size) / self.camera_scale**2
         pull, scale = certain @ self.mean[columns], self.camera_scale
         for _ in range(_TURNS):
-            spread = np.linalg.inv(told + np.eye(columns.size) / scale**2)
+            spread = np.linalg.inv(gained + np.eye(columns.size) / scale**2)
             likely = spread @ pull
             scale = float(np.clip(np.sqrt((likely @ likely + np.trace(spread)) / columns.size),
                                   1.0, WORST_CAMERA))
@@ -614,8 +614,8 @@ class LookUpdate:
         residual = max(last.residual / _MODEL, min(last.residual, last.degrees))
         share = min(self._outliers + _MORE_OUTLIERS, 1.0)
         most = share + 4 * np.sqrt(share * (1 - share) / len(self._observation.points))
-        surprise = max(innovation / limit_of(seen), residual / limit_of(last.degrees),
-                       drift / _DRIFTS[0], last.outliers / most)
+        normalized = max(innovation / limit_of(seen), residual / limit_of(last.degrees),
+                         drift / _DRIFTS[0], last.outliers / most)
         keyframes = tuple(
             replace(one, shape=shape, error=here.y[self._errors(count)], slopes=slopes)
             for count, (one, shape, slopes) in enumerate(zip(
@@ -628,8 +628,8 @@ class LookUpdate:
         if camera.size:
             window = window.with_likely_camera(camera)
         return estimate_of(self._estimate, window, looks=self._estimate.looks + 1, converged=True,
-                           misfit=last.misfit, outliers=last.outliers, surprise=float(surprise),
-                           _shape=shape)
+                           misfit=last.misfit, outliers=last.outliers,
+                           normalized_innovation=float(normalized), _shape=shape)
 
     def _drift(self, shape: Shape, expected: tuple[Floats, Floats], mean: Floats,
                covariance: Floats) -> float:

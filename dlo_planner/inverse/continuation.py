@@ -44,14 +44,14 @@ _ALIGNED = 1e-8    # rad: of what another solver finds
 _AROUND = 0.25     # of the length: how far before a guess a place is sought
 
 
-class Passing(NamedTuple):
+class BranchPoint(NamedTuple):
     """A Shape that satisfies a condition at some depth."""
 
     shape: Shape
     further: tuple[float, ...] = ()  # arc lengths at the further centers that it passes, m
     depth: float = float('nan')  # its depth, m; nan: not known
     # the one that it was followed from, without its own. None: not known
-    since: Passing | None = None
+    since: BranchPoint | None = None
     # (3, 3) or None axes of the DLO at the first center. None: not known
     axes: Floats | None = None
 
@@ -65,7 +65,7 @@ class Passing(NamedTuple):
         return waypoint_at(self.shape, center, s, normal,
                            None if self.axes is None else (self.axes, center))
 
-    def after(self, before: Passing) -> Passing:
+    def after(self, before: BranchPoint) -> BranchPoint:
         """Return the same, followed from another one."""
         since = before._replace(since=None, axes=None)
         return self._replace(since=since)
@@ -87,20 +87,21 @@ def steps_ahead(last: float, step: float) -> float:
 class RollSchedule(Protocol):
     """How the gripper rolls from one depth to another."""
 
-    def roll(self, family: Family, passing: Passing, depth: float, target: float) -> float:
+    def roll(self, branch: SolutionBranch, point: BranchPoint, depth: float,
+             target: float) -> float:
         """Return the roll (rad) from `depth` to `target`, m."""
 
 
 class Step(NamedTuple):
-    """How far a Passing could be followed."""
+    """How far a BranchPoint could be followed."""
 
-    passing: Passing | None  # at the depth that was wanted. If None, it was not reached
+    point: BranchPoint | None  # at the depth that was wanted. If None, it was not reached
     depth: float  # that was reached, m
-    leap: float = 0.0  # how far the gripper would have to jump there, m; 0: there is no shape
+    jump: float = 0.0  # how far the gripper would have to jump there, m; 0: there is no shape
     sure: bool = False  # neither gripper nor DLO can jump to it: nobody need look closer
 
 
-class Family(ABC):
+class SolutionBranch(ABC):
     """The shapes that do a task at each depth: a curve of them on the sphere of all equilibria."""
 
     what: ClassVar[str]             # the shapes, in words
@@ -112,9 +113,9 @@ class Family(ABC):
     normals: Sequence[Floats] = ()   # (3,) of the cut-outs whose direction counts
 
     @abstractmethod
-    def at(self, before: Passing, depth: float, roll: float = 0.0,
-           final: bool = False) -> Passing | None:
-        """Return the Passing at `depth` (m) near `before`, rolled by `roll` (rad), or None.
+    def at(self, before: BranchPoint, depth: float, roll: float = 0.0,
+           final: bool = False) -> BranchPoint | None:
+        """Return the BranchPoint at `depth` (m) near `before`, rolled by `roll` (rad), or None.
 
         `final`: it is a waypoint, not a step on the way to one.
         """
@@ -123,8 +124,8 @@ class Family(ABC):
         """Return the axis (3,) of the roll that the goals leave free."""
         return np.array(shape.gripper.rotation[:, 0])
 
-    def onward(self, before: Passing, depths: Floats) -> list[Passing]:
-        """Return the Passings at the first of some depths (k,), without roll, that leave no doubt.
+    def batch_ahead(self, before: BranchPoint, depths: Floats) -> list[BranchPoint]:
+        """Return the BranchPoints at the first of some depths (k,), without roll, as far as sure.
 
         As `at` finds them, in less time. There may be none: where the gripper or the DLO might
         jump, where the DLO is hardly stable, and where another mesh is needed.
@@ -132,154 +133,154 @@ class Family(ABC):
         del before, depths
         return []
 
-    def against(self, passing: Passing) -> tuple[str, float] | None:
+    def against(self, point: BranchPoint) -> tuple[str, float] | None:
         """Return the name of a cut-out that is passed against its direction, and the cosine."""
-        shape = passing.shape
+        shape = point.shape
         for k, (normal, s) in enumerate(zip(
-                self.normals, (shape.s[-1] - passing.depth, *passing.further), strict=False)):
-            axes = passing.axes if k == 0 and passing.axes is not None else shape.frame_at(s)[0]
+                self.normals, (shape.s[-1] - point.depth, *point.further), strict=False)):
+            axes = point.axes if k == 0 and point.axes is not None else shape.frame_at(s)[0]
             along = float(axes[:, 0] @ normal)
             if along <= 0:
                 return f'cut-out {k}', along
         return None
 
-    def too_far(self, before: Passing, after: Passing, step: float) -> float:
+    def too_far(self, before: BranchPoint, after: BranchPoint, step: float) -> float:
         """Return by how much (m) the gripper moves too far in a step of the depth, m; or 0."""
         length = self.simulator.rod.length
         return 0.0 if self.soft else excess(before.gripper, after.gripper, step / length, length)
 
-    def follow(self, passing: Passing, depth: float, goal: float,
+    def follow(self, point: BranchPoint, depth: float, goal: float,
                route: RollSchedule | None = None) -> Step:
-        """Continue a Passing from one depth to another, in steps that do not jump."""
+        """Continue a BranchPoint from one depth to another, in steps that do not jump."""
         length = self.simulator.rod.length
         step = longest = self.longest * length
         while True:
             target = depth + min(max(goal - depth, -step), step)
-            roll = 0.0 if route is None else route.roll(self, passing, depth, target)
+            roll = 0.0 if route is None else route.roll(self, point, depth, target)
             for share in _SHARES if roll else (1.0,):  # what cannot be rolled at once: later
-                found = self.at(passing, target, share * roll, target == goal)
-                too_far = 0.0 if found is None else self.too_far(passing, found, target - depth)
+                found = self.at(point, target, share * roll, target == goal)
+                too_far = 0.0 if found is None else self.too_far(point, found, target - depth)
                 if found is not None and not too_far:
                     break
             if found is not None and not too_far:
-                passing, depth = found, target
+                point, depth = found, target
                 if depth == goal:
-                    return Step(passing, depth)
+                    return Step(point, depth)
                 step = min(2 * step, longest)
             elif step <= self.shortest * length or target == depth:
                 return Step(None, depth, too_far)
             else:
                 step /= 2
 
-    def refusal(self, builder: PlanBuilder, before: Passing | None,
+    def refusal(self, builder: PlanBuilder, before: BranchPoint | None,
                 step: Step) -> Infeasible | None:
         """Return why a Step does not lead to the next waypoint of a PlanBuilder, or None."""
-        passing = step.passing
-        if passing is None and step.leap:
-            return builder.refusal('continuity', step.leap, 'the gripper would have to jump at '
+        point = step.point
+        if point is None and step.jump:
+            return builder.refusal('continuity', step.jump, 'the gripper would have to jump at '
                                    f'depth {step.depth:.4g} m: the shapes {self.what} turn back '
                                    'there')
-        if passing is None:
+        if point is None:
             return builder.refusal('equilibrium', abs(builder.depth - step.depth), 'no equilibrium '
                                    f'{self.what} was found beyond depth {step.depth:g} m')
-        stability = passing.shape.stability
+        stability = point.shape.stability
         if stability < -NEUTRAL:
             return builder.refusal('stability', -stability, 'the DLO would not stay in the shape '
                                    f'{self.what}; stability {stability:.3g} < 0', '')
-        against = self.against(passing)
+        against = self.against(point)
         if against is not None:
             return builder.refusal('direction', -against[1], f'the DLO would pass {against[0]} '
                                    'against its direction', '')
-        too_far = 0.0 if before is None else self.too_far(before, passing, builder.step)
+        too_far = 0.0 if before is None else self.too_far(before, point, builder.step)
         if too_far:
             return builder.refusal('continuity', too_far, 'the gripper would have to turn or move '
                                    'too far since the waypoint before; closer waypoints may help')
-        return refusal_for_leap(self.simulator, builder, passing.shape)
+        return refusal_for_leap(self.simulator, builder, point.shape)
 
-    def replayed(self, last: Shape | None, passing: Passing) -> Passing:
-        """Return a Passing as a motion from the last waypoint finds it, on that motion's mesh.
+    def replayed(self, last: Shape | None, point: BranchPoint) -> BranchPoint:
+        """Return a BranchPoint as a motion from the last waypoint finds it, on that motion's mesh.
 
         The search takes smaller steps, some backwards: its mesh would miss by the accuracy.
         """
-        if self.soft or self.simulator.mesh_after(last) is passing.shape.mesh:
-            return passing
-        replayed = self.simulator.track([passing.shape.gripper], initial=last)[0]
+        if self.soft or self.simulator.mesh_after(last) is point.shape.mesh:
+            return point
+        replayed = self.simulator.track([point.shape.gripper], initial=last)[0]
         if not replayed.converged or replayed.jumped:
-            return passing
-        return self.at(passing._replace(shape=replayed), passing.depth, 0.0, True) or passing
+            return point
+        return self.at(point._replace(shape=replayed), point.depth, 0.0, True) or point
 
 
 class Follower:
     """Goes through n depths: many at once as long as nothing is in doubt, else one by one."""
 
-    def __init__(self, family: Family, passing: Passing | None, depth: float, depths: Floats,
-                 route: RollSchedule | None = None) -> None:
-        self.family, self.passing, self.depth = family, passing, depth  # where it is
+    def __init__(self, branch: SolutionBranch, point: BranchPoint | None, depth: float,
+                 depths: Floats, route: RollSchedule | None = None) -> None:
+        self.branch, self.point, self.depth = branch, point, depth  # where it is
         self._depths, self._route = depths, route
-        self._ready: list[Passing] = []  # the next ones, the last first
+        self._ready: list[BranchPoint] = []  # the next ones, the last first
         self._doubtful = 1  # where more are looked for
 
     def step(self, index: int) -> Step:
         """Go on to the depth of an index, from the one before it."""
         target = float(self._depths[index])
-        if self.passing is None:
+        if self.point is None:
             return Step(None, self.depth)
         if not self._ready and index >= self._doubtful and self._route is None:
             ahead = self._depths[index:index + _AT_ONCE]
-            self._ready = self.family.onward(self.passing, ahead)[::-1]
+            self._ready = self.branch.batch_ahead(self.point, ahead)[::-1]
             self._doubtful = index + max(len(self._ready), _LATER)
         found = (Step(self._ready.pop(), target, sure=True) if self._ready else
-                 self.family.follow(self.passing, self.depth, target, self._route))
-        if found.passing is not None:
-            self.passing, self.depth = found.passing, target
+                 self.branch.follow(self.point, self.depth, target, self._route))
+        if found.point is not None:
+            self.point, self.depth = found.point, target
         return found
 
 
-def continue_family(builder: PlanBuilder, follower: Follower,
-                    waypoint: Callable[[Passing], Waypoint], *,
-                    may_roll: bool = False) -> tuple[list[Passing], bool]:
-    """Fill a PlanBuilder with the waypoints of a Family, or raise Infeasible.
+def continue_branch(builder: PlanBuilder, follower: Follower,
+                    waypoint: Callable[[BranchPoint], Waypoint], *,
+                    may_roll: bool = False) -> tuple[list[BranchPoint], bool]:
+    """Fill a PlanBuilder with the waypoints of a SolutionBranch, or raise Infeasible.
 
     Also returned is whether the gripper rolled, which it does only where a waypoint needs it.
     """
-    family, passings, rolled = follower.family, list[Passing](), False
+    branch, points, rolled = follower.branch, list[BranchPoint](), False
     for index in range(builder.wanted):
         builder.check()
-        before = follower.passing if passings else None
+        before = follower.point if points else None
         step = follower.step(index)
-        refusal = None if step.sure else family.refusal(builder, before, step)
-        passing = None if refusal is not None else step.passing
+        refusal = None if step.sure else branch.refusal(builder, before, step)
+        point = None if refusal is not None else step.point
         if before is not None and may_roll and (
-                passing is None or passing.shape.stability < DOUBTFUL):
+                point is None or point.shape.stability < DOUBTFUL):
             rolled = True
-            passing = _rolled(builder, family, before, passing)
-        if passing is None:
+            point = _rolled(builder, branch, before, point)
+        if point is None:
             assert refusal is not None  # else there is one
             raise refusal
-        passing = family.replayed(builder.last, passing)
-        follower.passing, follower.depth = passing, passing.depth
-        builder.add(waypoint(passing))
-        passings.append(passing)
-    return passings, rolled
+        point = branch.replayed(builder.last, point)
+        follower.point, follower.depth = point, point.depth
+        builder.add(waypoint(point))
+        points.append(point)
+    return points, rolled
 
 
-def _rolled(builder: PlanBuilder, family: Family, before: Passing,
-            best: Passing | None) -> Passing | None:
-    """Return a Passing rolled as little as makes it stable enough, or the most stable one."""
+def _rolled(builder: PlanBuilder, branch: SolutionBranch, before: BranchPoint,
+            best: BranchPoint | None) -> BranchPoint | None:
+    """Return a BranchPoint rolled as little as makes it stable enough, or the most stable one."""
     target = builder.depth
-    most = largest_turn(builder.step / family.simulator.rod.length)
+    most = largest_turn(builder.step / branch.simulator.rod.length)
     for part in _ROLLS:
-        rolled = family.at(before, target, part * most, True)
+        rolled = branch.at(before, target, part * most, True)
         if rolled is None or best is not None and rolled.shape.stability <= best.shape.stability:
             continue
-        if family.refusal(builder, before, Step(rolled, target)) is None:
+        if branch.refusal(builder, before, Step(rolled, target)) is None:
             best = rolled
             if rolled.shape.stability >= DOUBTFUL:
                 break  # no larger roll than needed: the gripper's path stays smooth
     return best
 
 
-class Aligned(Family):
+class Aligned(SolutionBranch):
     """The shapes whose tangent, at each depth, is along a normal (3,) in a center (3,), m.
 
     Method 'nested' is for waypoints; the coupled one makes all steps between.
@@ -296,19 +297,19 @@ class Aligned(Family):
         """Return the mean of the gripper's axis and the normal."""
         return free_axis(np.array(shape.gripper.rotation), self.normal)
 
-    def at(self, before: Passing, depth: float, roll: float = 0.0,
-           final: bool = False) -> Passing | None:
-        """Return the Passing at `depth`, with no roll or a given one."""
+    def at(self, before: BranchPoint, depth: float, roll: float = 0.0,
+           final: bool = False) -> BranchPoint | None:
+        """Return the BranchPoint at `depth`, with no roll or a given one."""
         reference, trend = before.shape.gripper.rotation, before.trend(depth)
         if roll:
             trend = None
             reference = turned_by(roll * self.axis(before.shape)) @ reference
-        passing = self.from_guess(before.shape, depth, reference, final, trend)
-        return passing and passing.after(before)
+        point = self.from_guess(before.shape, depth, reference, final, trend)
+        return point and point.after(before)
 
     def from_guess(self, guess: Shape, depth: float, reference: Floats, final: bool = True,
-                   trend: tuple[Shape, float] | None = None) -> Passing | None:
-        """Return the Passing near a Shape, not turned about the free axis since `reference`."""
+                   trend: tuple[Shape, float] | None = None) -> BranchPoint | None:
+        """Return the BranchPoint near a Shape, not turned about the free axis since `reference`."""
         s = self.simulator.rod.length - depth
         if final and self._nested:
             aligned_by = studied('nested.nested_alignment')
@@ -318,23 +319,23 @@ class Aligned(Family):
             if not (shape.converged and aligned):
                 return None
             axes, place = shape.frame_at(s)
-            return Passing(carried(shape, self._center - place), depth=depth, axes=axes)
+            return BranchPoint(carried(shape, self._center - place), depth=depth, axes=axes)
         found = goal_shape(self.simulator, guess, _along(self.normal, reference), s, self.normal,
                            trend, place=self._center)
-        return found and Passing(found.shape, depth=depth, axes=found.axes)
+        return found and BranchPoint(found.shape, depth=depth, axes=found.axes)
 
-    def onward(self, before: Passing, depths: Floats) -> list[Passing]:
-        """Return the Passings at the first of some depths (k,) that leave no doubt."""
+    def batch_ahead(self, before: BranchPoint, depths: Floats) -> list[BranchPoint]:
+        """Return the BranchPoints at the first of some depths (k,) that leave no doubt."""
         if self._nested:
             return []
         gripper = before.shape.gripper
         found = ahead(self.simulator, before, depths, _along(self.normal, gripper.rotation),
                       self.normal, gripper.position - self._center, self._center)
-        passings: list[Passing] = []
+        points: list[BranchPoint] = []
         for depth, one in zip(depths.tolist(), found, strict=False):
-            before = Passing(one.shape, depth=depth, axes=one.axes).after(before)
-            passings.append(before)
-        return passings
+            before = BranchPoint(one.shape, depth=depth, axes=one.axes).after(before)
+            points.append(before)
+        return points
 
     def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
@@ -342,7 +343,7 @@ class Aligned(Family):
         return crossings(shapes, shapes.at(s)[1], self.normal, s)
 
 
-def ahead(simulator: DirectSimulator, before: Passing, depths: Floats, goals: GoalTable,
+def ahead(simulator: DirectSimulator, before: BranchPoint, depths: Floats, goals: GoalTable,
           free: Floats, origin: Floats, place: Floats) -> list[Found]:
     """Return what is found at the first of some depths (k,), without roll, that leaves no doubt.
 
@@ -367,7 +368,7 @@ def ahead(simulator: DirectSimulator, before: Passing, depths: Floats, goals: Go
     return found
 
 
-class GivenPoses(Family):
+class GivenPoses(SolutionBranch):
     """The equilibria as the gripper goes from pose to pose; the depth is the next one's index.
 
     `holds` are those at each of the poses.
@@ -382,23 +383,23 @@ class GivenPoses(Family):
         self.simulator, self.poses = simulator, poses
         self.holds = [()] * len(poses) if holds is None else holds
 
-    def first(self, initial: Shape | None) -> Passing:
-        """Return the Passing at the first pose, from a Shape or the natural one."""
-        return Passing(self._tracked(0, initial), depth=0.0)
+    def first(self, initial: Shape | None) -> BranchPoint:
+        """Return the BranchPoint at the first pose, from a Shape or the natural one."""
+        return BranchPoint(self._tracked(0, initial), depth=0.0)
 
-    def at(self, before: Passing, depth: float, roll: float = 0.0,
-           final: bool = False) -> Passing | None:
-        """Return the Passing at the pose of an index, whether the DLO follows there or not."""
+    def at(self, before: BranchPoint, depth: float, roll: float = 0.0,
+           final: bool = False) -> BranchPoint | None:
+        """Return the BranchPoint at the pose of an index, whether the DLO follows there or not."""
         del roll, final
         if depth == before.depth:
             return before
-        return Passing(self._tracked(int(depth), before.shape), depth=depth)
+        return BranchPoint(self._tracked(int(depth), before.shape), depth=depth)
 
-    def refusal(self, builder: PlanBuilder, before: Passing | None,
+    def refusal(self, builder: PlanBuilder, before: BranchPoint | None,
                 step: Step) -> Infeasible | None:
         """Return why the DLO does not follow, or None; the amount is what is left to go, m."""
-        assert step.passing is not None  # each pose has a shape
-        shape = step.passing.shape
+        assert step.point is not None  # each pose has a shape
+        shape = step.point.shape
         if not shape.converged:
             left = [pose.position for pose in self.poses[len(builder.waypoints):]]
             inexact = refusal_for_accuracy(self.simulator, builder, shape)
@@ -415,7 +416,7 @@ class GivenPoses(Family):
                                     holds=self.holds[index])[0]
 
 
-class TwoPoints(Family):
+class TwoPoints(SolutionBranch):
     """The shapes that pass both centers, at each depth in the first: x(s2) - x(s1) = P2 - P1.
 
     The chord (3,) is from the first center to the second, m, the first one is at `center` (3,).
@@ -434,26 +435,26 @@ class TwoPoints(Family):
         """Return the mean of the gripper's axis and the chord."""
         return free_axis(np.array(shape.gripper.rotation), self.chord / self._apart)
 
-    def at(self, before: Passing, depth: float, roll: float = 0.0,
-           final: bool = False) -> Passing | None:
-        """Return the Passing at `depth`, with no roll or a given one."""
+    def at(self, before: BranchPoint, depth: float, roll: float = 0.0,
+           final: bool = False) -> BranchPoint | None:
+        """Return the BranchPoint at `depth`, with no roll or a given one."""
         del final
         s1 = self.simulator.rod.length - depth
         found = self._solved(before.shape, POSITION, s1, s1, roll,
                              None if roll else before.trend(depth))
-        return None if found is None else Passing(
+        return None if found is None else BranchPoint(
             found.shape, (float(min(found.where[1], self.simulator.rod.length)),), depth=depth,
             axes=found.axes).after(before)
 
-    def from_end(self, guess: Shape, depth: float) -> Passing | None:
-        """Return the Passing whose free end is at the second center, at about a depth (m)."""
+    def from_end(self, guess: Shape, depth: float) -> BranchPoint | None:
+        """Return the BranchPoint whose free end is at the second center, at about a depth (m)."""
         length = self.simulator.rod.length
         found = self._solved(guess, THROUGH, max(length - depth - _AROUND * length, 0.0), length,
                              at=length - depth)
         if found is None or not found.where[0] > 0:
             return None
         s1 = float(found.where[0])
-        return Passing(found.shape, (length,), depth=length - s1, axes=found.axes)
+        return BranchPoint(found.shape, (length,), depth=length - s1, axes=found.axes)
 
     def _solved(self, shape: Shape, first: int, s1: float, s2: float, roll: float = 0.0,
                 trend: tuple[Shape, float] | None = None,
@@ -485,19 +486,19 @@ class TwoPoints(Family):
         return bool(found.where.max() <= length * (1 + 1e-12) and found.shape.converged
                     and not fell(before, found.shape))
 
-    def onward(self, before: Passing, depths: Floats) -> list[Passing]:
-        """Return the Passings at the first of some depths (k,) that leave no doubt."""
-        shape, passings = before.shape, []
+    def batch_ahead(self, before: BranchPoint, depths: Floats) -> list[BranchPoint]:
+        """Return the BranchPoints at the first of some depths (k,) that leave no doubt."""
+        shape, points = before.shape, []
         _, place = shape.frame_at(self.simulator.rod.length - float(depths[0]))
         found = ahead(self.simulator, before, depths, self._goals(shape, self.axis(shape)),
                       self.chord / self._apart, shape.gripper.position - place, self._center)
         for depth, one in zip(depths.tolist(), found, strict=False):
             if not self._is_good(before.shape, one):
                 break
-            before = Passing(one.shape, (float(min(one.where[1], one.shape.s[-1])),),
+            before = BranchPoint(one.shape, (float(min(one.where[1], one.shape.s[-1])),),
                              depth=depth, axes=one.axes).after(before)
-            passings.append(before)
-        return passings
+            points.append(before)
+        return points
 
     def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
         """Return where the shapes at `depth` cross the grid of HangingShapes."""

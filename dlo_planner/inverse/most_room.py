@@ -291,7 +291,7 @@ class RoomSearch:
         if empty is not None:
             return NoRoom(float(depths[empty]), 'no shape that the DLO can come to has room in '
                           f'{where}')
-        costs, onward = _costs_to_go(passages, self.simulator.rod.length, 1 if self.round else 3,
+        costs, choices = _costs_to_go(passages, self.simulator.rod.length, 1 if self.round else 3,
                                      _ROLL if task.seen else 0.0)
         if task.seen and task.start is not None and not self.round:
             costs[0] = costs[0] + _ROLL * _rolls(task.start.rotation, passages[0].grippers)**2
@@ -307,7 +307,7 @@ class RoomSearch:
             if gets_there(self.simulator, Pose.from_rotation((0.0, 0.0, 0.0), first.grippers[k]),
                           turn @ shapes.frames[first.which[k], -1], task.initial):
                 picks = [k]
-                for step in reversed(onward):
+                for step in reversed(choices):
                     picks.append(int(step[picks[-1]]))
                 grippers = np.array([one.grippers[p]
                                      for one, p in zip(passages, picks, strict=True)])
@@ -343,13 +343,13 @@ def _costs_to_go(passages: list[Passage], length: float, columns: int,
     columns: how many axes of the gripper count; 1: a roll makes no difference. roll: what one costs
     beside a turn, per rad^2.
     """
-    costs, onward = [(1 - passages[-1].rating)**2], list[Ints]()
+    costs, choices = [(1 - passages[-1].rating)**2], list[Ints]()
     for one, other in zip(passages[-2::-1], passages[:0:-1], strict=True):
         cost, best = _cheapest(one.grippers, one.places / length, other.grippers,
                                other.places / length, costs[0], columns, roll)
-        onward.append(best)
+        choices.append(best)
         costs.insert(0, cost + (1 - one.rating)**2)
-    return costs, onward
+    return costs, choices
 
 
 @kernel

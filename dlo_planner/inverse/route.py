@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.continuation import Family, Passing
+from dlo_planner.inverse.continuation import BranchPoint, SolutionBranch
 from dlo_planner.inverse.equilibria import Crossings
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.cutout import CutOut
@@ -84,18 +84,19 @@ class Route:
     # part of the length over which rolls are smoothed; 0: every roll is followed as it is
     ahead: float = _AHEAD
 
-    def roll(self, family: Family, passing: Passing, depth: float, target: float) -> float:
+    def roll(self, branch: SolutionBranch, point: BranchPoint, depth: float,
+             target: float) -> float:
         """Return the roll (rad) to make between two depths, m.
 
         It leads towards the route a little ahead, so that the grid's roughness averages out.
         """
-        shape, ahead = passing.shape, self.ahead * self.length
+        shape, ahead = point.shape, self.ahead * self.length
         goal = self._gripper(target + (ahead if target >= depth else -ahead))
         away = Rotation.from_matrix(goal @ shape.gripper.rotation.T).as_rotvec()
         step = abs(target - depth)
         part = 1.0 if ahead + step == 0 else min(1.0, 2 * step / (ahead + step))
         most = 0.5 * largest_turn(step / self.length)
-        return float(np.clip(part * (away @ family.axis(shape)), -most, most))
+        return float(np.clip(part * (away @ branch.axis(shape)), -most, most))
 
     def _gripper(self, depth: float) -> Floats:
         if len(self.depths) == 1:
@@ -207,7 +208,7 @@ class Threading:
 Way = TypeVar('Way')
 
 
-def plan_family(task: Threading, planned: Callable[[Threading, Way], Plan], first: Way | None,
+def plan_branch(task: Threading, planned: Callable[[Threading, Way], Plan], first: Way | None,
                 others: Callable[[Infeasible | None], Iterable[Way]], few: int,
                 most_demanded: float = np.inf) -> tuple[Plan, Way]:
     """Return the first Plan that one of some ways leads to, and the way.

@@ -231,8 +231,9 @@ def _minimum(contact, system, options, work, places, tangents, turned_from):
     if bodies.size == 0:
         end = _unobstructed(with_bodies(system, bodies), options, work)
         return end[:5] + (among_all(system, end[5], bodies), end[6])
+    # read-only arrays are another type: all that has to do with contacts would be compiled again
     return _minimum_among(bodies, system, work.start, options.gtol, options.ctol, options.maxiter,
-                          options.check, before, turned_from)
+                          options.check, before, turned_from.copy())
 
 
 @kernel

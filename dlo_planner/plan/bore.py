@@ -70,7 +70,7 @@ class Inside(NamedTuple):
     load: Floats  # (N + 1, 3) forces on the nodes along the bore (inwards), y and z, N
     # (4, 4) stiffness of the part outside: force (y, z) in N and moment of slopes (y, z) in N m per
     # deflection in m and slope there
-    mouth: Floats
+    entrance: Floats
     # (4,) deflections and slopes of its end, free of other forces, per N that pushes it back
     pushed: Floats
 
@@ -88,9 +88,9 @@ def insertion_force(simulator: DirectSimulator, bore: CutOut, friction: float | 
         return Push(np.nan, NOT_LOOKED_AT)
     if depth <= _OUTSIDE * rod.length:
         return Push(0.0, FOUND)
-    mouth = rod.length - depth
-    inside = _inside(simulator, mouth, outside)
-    places = mouth + np.append(0.0, np.cumsum(inside.lengths))
+    entrance = rod.length - depth
+    inside = _inside(simulator, entrance, outside)
+    places = entrance + np.append(0.0, np.cumsum(inside.lengths))
     room = bore.radius - rod.radii(np.minimum(places, rod.length))
     return Push(np.nan, NOT_LOOKED_AT) if room.min() <= 0 else pushing(inside, room, friction)
 
@@ -124,10 +124,10 @@ def pushing(inside: Inside, room: Floats, friction: float) -> Push:
     return Push(np.nan, JAMS)
 
 
-def _inside(simulator: DirectSimulator, mouth: float, outside: Shape) -> Inside:
+def _inside(simulator: DirectSimulator, entrance: float, outside: Shape) -> Inside:
     """Return the part Inside behind the arc length of the entrance, m."""
     rod, frame = simulator.rod, outside.frames[-1]
-    places = mouth + (rod.length - mouth) * np.linspace(0, 1, _ELEMENTS + 1) ** _GRADED
+    places = entrance + (rod.length - entrance) * np.linspace(0, 1, _ELEMENTS + 1) ** _GRADED
     lengths = np.diff(places)
     middles = places[:-1] + 0.5 * lengths
     natural = rod.natural_strains(middles)
@@ -146,7 +146,7 @@ def _inside(simulator: DirectSimulator, mouth: float, outside: Shape) -> Inside:
     load[:-1] += 0.5 * lengths[:, None] * weight
     load[1:] += 0.5 * lengths[:, None] * weight
     for s, mass in (*rod.point_masses, (rod.length, rod.tip_mass)):
-        if s > mouth:
+        if s > entrance:
             load[np.abs(places - s).argmin()] += mass * simulator.surroundings.gravity
     compliance = _compliance(outside)
     return Inside(lengths, axes @ own @ axes.transpose(0, 2, 1),
@@ -182,7 +182,7 @@ class Beam(Record):
     elastic: Floats  # (N, 8, 8) of (y, z, y', z') of both ends: stiffness,
     turn: Floats     # (N, 8, 8) and what a compression of 1 N takes from it
     slope: Floats    # (N + 1, 4) of the energy, at rest
-    mouth: Floats    # (4, 4) stiffness of the part outside
+    entrance: Floats    # (4, 4) stiffness of the part outside
     aside: Floats    # (4,) force and moment by which it presses there per N of push
     along: Floats    # (N + 1,) load along the bore, N
     room: Floats     # (N + 1,) m
@@ -200,7 +200,7 @@ def beam_of(inside: Inside, room: Floats) -> Beam:
     whole = (count, 8, 8)
     return Beam(np.einsum('kab,kij->kaibj', bend, inside.stiffness).reshape(whole),
                 np.einsum('kab,ij->kaibj', turn, np.eye(2)).reshape(whole), slope,
-                np.array(inside.mouth), inside.mouth @ inside.pushed,
+                np.array(inside.entrance), inside.entrance @ inside.pushed,
                 np.array(inside.load[:, 0]), np.array(room))
 
 
@@ -347,7 +347,7 @@ def _energy(beam: Beam, compression: Floats, u: Floats, press: Floats, wall: flo
         total += gradient[i] * u[i]
     for i in range(4):
         for j in range(4):
-            force = beam.mouth[i, j] * u[j]
+            force = beam.entrance[i, j] * u[j]
             total += 0.5 * u[i] * force
             gradient[i] += force
     for e in range(count - 1):
@@ -377,7 +377,7 @@ def _hessian(beam: Beam, compression: Floats, u: Floats, press: Floats, wall: fl
     count = beam.room.size
     for i in range(4):
         for j in range(i + 1):
-            band[i, i - j] += beam.mouth[i, j]
+            band[i, i - j] += beam.entrance[i, j]
     for e in range(count - 1):
         for i in range(8):
             for j in range(i + 1):

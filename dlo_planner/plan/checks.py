@@ -145,7 +145,7 @@ class PlanChecker:
     def margins(self, waypoint: Waypoint, commanded: Pose | None = None) -> Iterator[Margin]:
         """Yield how much of each demand a Waypoint leaves, in the order in which they refuse.
 
-        `commanded`: where the robot is told to be, if that is not where the gripper is.
+        `commanded`: where the robot is commanded to be, if that is not where the gripper is.
         """
         shape = waypoint.shape
         if self.workspace is not None:

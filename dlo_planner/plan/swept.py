@@ -28,8 +28,8 @@ middles of halves where the parabola through three places comes near to the limi
 
 Between two instants of a motion in time (`least_between`) the nodes go along cubic polynomials that
 keep their places and velocities (Hermite). A point leaves the even way by at most h^2/8 times its
-largest acceleration in h seconds, which of a cubic is that at an end; by how much a cubic itself is
-off is told by those over two intervals, which are 16 times as far off in the middle, where the DLO
+largest acceleration in h seconds, which of a cubic is that at an end; a cubic's own error is
+estimated from those over two intervals, which are 16 times as far off in the middle, where the DLO
 is known. The rest is the same.
 """
 

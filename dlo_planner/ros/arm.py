@@ -22,7 +22,7 @@ from dlo_planner.arm.robot import parsed, single_joints
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Execution
-from dlo_planner.identify.online_trajectory import Steered
+from dlo_planner.identify.online_trajectory import CorrectedTrajectory
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.lifecycle import LATCHED, LifecycleNode
@@ -50,7 +50,7 @@ class ArmDrive:
         self._period, self._back = scene.period, scene.tool.inverse()
         self.stream = JointStream(arm, joints, scene.period, settling_time(scene.limits))
 
-    def judge(self, way: TimedPath | Steered, begin: float = 0.0) -> None:
+    def judge(self, way: TimedPath | CorrectedTrajectory, begin: float = 0.0) -> None:
         """Refuse a motion of the gripper, from a time on (s), that the joints cannot follow."""
         times = np.arange(begin, way.duration + self._period, self._period)
         poses = [pose.compose(self._back) for pose in way.poses(times)]

@@ -97,7 +97,7 @@ class Estimator(Part):
             try:
                 estimate = self._look(observing, stamp, points)
             finally:  # what no equilibrium explains is a disagreement as well
-                if observing.doubted and state.looking is None:
+                if observing.inconsistent and state.looking is None:
                     self.store.change(lambda now: now.stopped(
                         Cause.LOOKS_DISAGREE, disagreement(observing)))
             self.statistics.note({'estimate looks': estimate.looks,
@@ -194,7 +194,7 @@ class Estimator(Part):
             return
         time = float(execution.way.progress([execution.done_at(stamp)])[0])
         self._seen = stamp, deviation(made.plan, time, points)
-        if observing.doubted or not state.scene.seeing.correct:
+        if observing.inconsistent or not state.scene.seeing.correct:
             return
         miss, barred = judged_before_entry(made, execution, estimate)
         if np.isfinite(miss):

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial, wraps
 from queue import SimpleQueue
-from threading import Condition, Thread
+from threading import Condition, Event, Thread
 from time import sleep
 from typing import Any
 
@@ -287,6 +287,7 @@ class LifecycleNode(Entities, LifecycleNodeMixin, Node):
                       automatically_declare_parameters_from_overrides=True, **options)
         Entities.__init__(self)
         self.lifecycle_state = 'starting'
+        self.loading = Event()  # whether kernels of plans may still have to be compiled
 
     @property
     def known_as(self) -> str:

@@ -54,6 +54,7 @@ THREADS = len(_GROUPS) + 3
 _RESTING = 4.5  # s in which a motion may come to rest when the node is told to end
 _ENDING = 2.0   # s in which callbacks that run may end then
 _LOOK = 0.02    # s between looks whether it has
+_COMPILED = 10.0  # s; kernels of shapes are loaded in two, and compiled in twenty or more
 _COMPILING = 1800.0  # s that compiling all of the solver may take: minutes, ten times as slow
 
 
@@ -104,14 +105,19 @@ class PlannerNode(LifecycleNode):
                                'installation and this is the first start)')
         started = monotonic()
         first_shapes(direct)
+        if monotonic() - started > _COMPILED:
+            self.loading.set()
         Thread(target=self._load_rest, args=(started,), daemon=True).start()
         self.get_logger().info(f'shapes can be predicted, after {monotonic() - started:.1f} s')
 
     def _load_rest(self, started: float) -> None:
         """Use all other kernels; what is not compiled yet, a process compiles into files."""
-        with suppress(DloPlannerError):  # a process is started again for the first plan
-            self._prover.result(answers, patience=_COMPILING)
-        answers()
+        try:
+            with suppress(DloPlannerError):  # a process is started again for the first plan
+                self._prover.result(answers, patience=_COMPILING)
+            answers()
+        finally:
+            self.loading.clear()
         with suppress(DloPlannerError):
             self._prover.result(proofs)
             self._looping.result(closed_loop)

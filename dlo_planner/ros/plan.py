@@ -280,12 +280,17 @@ class PlanningServer(Part):
         return path
 
     def _interruptible(self, deadline: float, make: Callable[[], T]) -> T:
-        """Return what `make` does, unless it is canceled or takes too long, s."""
+        """Return what `make` does, unless it is canceled or takes too long, s.
+
+        Time in which the kernels of plans may still have to be compiled does not count.
+        """
         steps, job = Progress(deadline=deadline), list[str]()
 
         def check() -> None:
             if job or self._ended:
                 raise Refused(Cause.PLANNING_CANCELED, (*job, self._ended)[0])
+            if self.node.loading.is_set():
+                steps.begin()
             steps.check()
 
         self._job = job

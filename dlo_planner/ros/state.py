@@ -30,7 +30,8 @@ from dlo_planner.verify.report import ValidationReport
 from msg_helpers.poses import stamp_text
 
 DONE = ('held', 'refused')  # states of a proof that has no step left
-_CHECKED = 'the plan is still being checked: ask again'
+_CHECKED = ('the plan is still being checked, which takes some seconds: ask again when ~/status '
+            'says that it is safe')
 _SAME = 1e-3, 5e-3  # m, rad: gripper poses that differ by less are the same
 _SAME_LENGTH = 1e-9  # relative
 _SEEN = 3  # periods before and after a motion, in which its jerk is seen
@@ -117,7 +118,7 @@ class Looking(NamedTuple):
 
     phase: str = 'look'
     tries: int = 0
-    promised: float = np.nan
+    miss_bound_95: float = np.nan
 
 
 @dataclass(frozen=True)

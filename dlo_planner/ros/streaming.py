@@ -159,13 +159,13 @@ class ClosedLoopDrive:
         with self._lock:
             execution = self._ticked(state, now, stamp)
             loop = self._loop
-            looking = Looking(loop.phase.value, loop.tries, loop.promised)
+            looking = Looking(loop.phase.value, loop.tries, loop.miss_bound_95)
             work = loop.work
             if loop.aimed is not None and loop.aimed is not self._aimed:
                 self._aimed = loop.aimed
                 statistics.corrected(loop.aimed.correction, loop.refusal)
-        if np.isfinite(looking.promised):
-            statistics.note({MISS_EXPECTED: looking.promised})
+        if np.isfinite(looking.miss_bound_95):
+            statistics.note({MISS_EXPECTED: looking.miss_bound_95})
         if work is not None and work is not self._computing:
             self._computing = work
             threading.Thread(target=self._compute, args=(work,), name='closed loop',
@@ -230,7 +230,7 @@ class ClosedLoopDrive:
         """Refuse a motion that the joints of the arm cannot follow."""
         motion = result.motion if isinstance(result, Entry) else result
         if self._arm is not None and isinstance(motion, GripperMotion):
-            self._arm.judge(motion.steered)
+            self._arm.judge(motion.corrected_trajectory)
 
 
 _TOLD = 0.2      # s between messages on ~/execution
@@ -434,7 +434,7 @@ class TrajectoryStreamer(Part):
         if execution.cause == Cause.DONE:
             reason = f'executed: {execution.way.duration - execution.begin:.1f} s'
             if looking is not None:
-                reason += f', expected to miss by {looking.promised:.3g} m at most (95 %)'
+                reason += f', expected to miss by {looking.miss_bound_95:.3g} m at most (95 %)'
             self.status.info(reason)
         else:
             seconds = execution.done - execution.begin
@@ -457,7 +457,7 @@ def described(execution: Execution | None,
     if execution is None:
         return OK, 'nothing was executed yet', {'state': 'idle', 'code': 0, 'cause': 'DONE'}
     loop = {} if looking is None else {
-        'loop': looking.phase, 'tries': looking.tries, 'expected miss [m]': looking.promised}
+        'loop': looking.phase, 'tries': looking.tries, 'expected miss [m]': looking.miss_bound_95}
     good = execution.cause in (Cause.DONE, Cause.CANCELED)
     return (OK if good else WARN, execution.reason or execution.phase, {
         'state': execution.phase, 'code': int(execution.cause), 'cause': execution.cause.name,

@@ -27,7 +27,7 @@ from dlo_planner.model.checks import (
 )
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.files import readable, writable
-from dlo_planner.model.obstacles import OBSTACLES, Capsule, Obstacle, Sheet
+from dlo_planner.model.obstacles import OBSTACLES, Capsule, Mesh, Obstacle, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Surface
 from dlo_planner.model.triangles import KINDS_OF_FILE, UNITS
@@ -40,6 +40,7 @@ _WRITTEN = ('.scene', '.xml', '.yaml')
 _ROUND = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))  # half a turn about z
 _LOOKS = 17  # places of an element at which a radius that varies is looked at
 _DEEPEST = 8  # files that name each other
+_MOST_NAMES = 5  # in a note
 _INSTEAD = {  # endings of files of cells that nothing here reads -> what would be right
     '.xacro': 'the URDF that it makes: xacro cell.urdf.xacro > cell.urdf',
     **dict.fromkeys(('.step', '.stp', '.iges', '.igs', '.sldprt', '.sldasm', '.ipt', '.f3d'),
@@ -233,7 +234,8 @@ class Scene(Value):
         if pose != Pose.identity():
             obstacles = [moved(one, pose) for one in obstacles]
             content.cutouts = [moved_cutout(one, pose) for one in content.cutouts]
-        return cls(obstacles, content.cutouts, (*dict.fromkeys(content.notes), *renamed))
+        return cls(obstacles, content.cutouts, (*dict.fromkeys(content.notes), *renamed,
+                                                *_unnamed_holes(obstacles)))
 
     def write(self, path: str | PathLike[str]) -> None:
         """Write the obstacles for other planners; `read` reads them as they were.
@@ -373,6 +375,21 @@ def _read(path: Path, asked: Asked, depth: int = 0) -> Content:
 
 _READERS: dict[str, Callable[[Path, Asked], Content]] = {
     '.scene': moveit.read, '.xml': engine.read, '.mjcf': engine.read, '.urdf': engine.read}
+
+
+def _unnamed_holes(obstacles: Iterable[Obstacle]) -> list[str]:
+    """Return a note on the meshes that have holes through them, none of which is a cut-out.
+
+    Of a closed surface vertices less edges plus faces are 2, and 2 less for each hole through it.
+    """
+    names = [repr(one.name) for one in obstacles if isinstance(one, Mesh)
+             and len(one.vertices) - len(one.faces) // 2 < 2]
+    if not names:
+        return []
+    listed = ', '.join(names[:_MOST_NAMES]) + (', ...' if len(names) > _MOST_NAMES else '')
+    return [f'{listed}: holes through it, but no cut-out: these are those of plates with a '
+            'rectangular outline that are round (by 12 corners or more) or rectangular; say others '
+            'by their center, direction and radius']
 
 
 def _with_own_names(obstacles: Iterable[Obstacle]) -> tuple[list[Obstacle], list[str]]:

@@ -117,9 +117,10 @@ def read_observations(paths: Sequence[Path], grippers: Sequence[Pose], unit: str
         if not isinstance(table, dict):
             out.append(_observation(str(path), gripper, {'points': table}))
             continue
-        if path in meaning:
+        pictured = path in meaning
+        if pictured:
             table = _measured(path, gripper, table, meaning[path])
-        out.append(_look_of(path, gripper, table))
+        out.append(_look_of(path, gripper, table, pictured))
     return out
 
 
@@ -240,8 +241,9 @@ def _table(path: Path, scale: float) -> dict[str, Floats] | Floats:
 _ON_COMMAS = ' (with a decimal comma, columns have to be separated by semicolons)'
 
 
-def _look_of(path: Path, gripper: Pose, table: Mapping[str, Floats]) -> Observation:
-    """Return the Observation of columns by name."""
+def _look_of(path: Path, gripper: Pose, table: Mapping[str, Floats],
+             pictured: bool = False) -> Observation:
+    """Return the Observation of columns by name; `pictured`: of a photograph, without depth."""
     for name in _TIMES:
         if name in table and np.unique(table[name]).size > 1:
             raise InvalidTask(f'{path}: column {name} changes: expected points of a DLO at rest, '
@@ -257,8 +259,9 @@ def _look_of(path: Path, gripper: Pose, table: Mapping[str, Floats]) -> Observat
         raise InvalidTask(f'{path}: expected a column {missing[0]}, or of a picture none that is '
                           f'not known, got {", ".join(table)}{did_you_mean(others[0], missing)}')
     if missing:
-        warn(f'{path}: a look without {missing[0]}, which counts as not measured', DoubtfulInput,
-             stacklevel=2)
+        if not pictured:  # a photograph has no third coordinate, and who says pixels knows that
+            warn(f'{path}: a look without {missing[0]}, which counts as not measured',
+                 DoubtfulInput, stacklevel=2)
         given['normal'] = np.eye(3)[_AXES.index(missing[0])]
     places = {axis: np.full(count, gripper.position[k]) for k, axis in enumerate(_AXES)} | {
         axis: table[axis] for axis in _AXES if axis in table}

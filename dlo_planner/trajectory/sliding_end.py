@@ -45,7 +45,7 @@ class Feed:
     """How a plan pushes a DLO into a bore."""
 
     simulator: DirectSimulator  # of the whole DLO
-    mouth: Pose  # Pose, x axis into the bore
+    entrance: Pose  # Pose, x axis into the bore
     times: Floats  # (n,) times of the plan, s
     depths: Floats  # (n,) depths in m
     # (n,) part of the weight at the entrance that the entrance carries, N, against gravity
@@ -55,11 +55,12 @@ class Feed:
     def of(cls, simulator: DirectSimulator, plan: Plan) -> Feed:
         """Return that of a Plan in which a bore holds the DLO."""
         held = [shape.far_end is not None for shape in plan.shapes]
-        mouth = next(shape.far_end.pose for shape in plan.shapes if shape.far_end is not None)
+        entrance = next(shape.far_end.pose for shape in plan.shapes if shape.far_end is not None)
         up = _up(simulator.gravity)
         carried = np.array([shape.far_wrench[:3] @ up if inside else 0.0
                             for shape, inside in zip(plan.shapes, held, strict=True)])
-        return cls(simulator.elastic().without_obstacles(), mouth, plan.times, plan.depths, carried)
+        return cls(simulator.elastic().without_obstacles(), entrance, plan.times, plan.depths,
+                   carried)
 
     @property
     def up(self) -> Floats:
@@ -102,9 +103,9 @@ class Feed:
         end = mesh.s[-1:]
         turn = self.simulator.rod.natural_strains(end)[0] * behind
         half = Rotation.from_rotvec(0.5 * turn).as_matrix()
-        along = self.mouth.rotation @ half @ np.array([behind, 0.0, 0.0])
-        return Pose.from_rotation(self.mouth.position + along,
-                                  self.mouth.rotation @ half @ half)
+        along = self.entrance.rotation @ half @ np.array([behind, 0.0, 0.0])
+        return Pose.from_rotation(self.entrance.position + along,
+                                  self.entrance.rotation @ half @ half)
 
 
 def _up(gravity: Floats) -> Floats:
@@ -163,7 +164,7 @@ def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None
         if k == 0 and velocity is None:
             strains = mesh.strains_from(start.s, start.element_strains)
             start = calm[-1] = shapes[-1] = equilibrium(mesh, grippers[0], strains,
-                                                        holds=(FarEnd(feed.mouth, 'sleeve'),))
+                                                        holds=(FarEnd(feed.entrance, 'sleeve'),))
         stepper, begun = _begun(feed, mesh, _Later(guide, k), u[k:k + count + 1], start, velocity)
         plan = IntegrationOptions(count + 1, 'generalized_alpha', _TOLERANCE * mesh.s[-1])
         made = run(stepper, begun, plan, progress)
@@ -220,7 +221,7 @@ def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Sh
     end = Pose.from_rotation(*start.frame_at(float(start.s[-1]))[::-1])
     depths = np.array([feed.depth(one) for one in u])
     shares = np.linspace(0, 1, len(u))
-    ends = [_aside(feed.held(mesh, behind), feed.mouth, end, 1 - share**2 * (3 - 2 * share))
+    ends = [_aside(feed.held(mesh, behind), feed.entrance, end, 1 - share**2 * (3 - 2 * share))
             for behind, share in zip(depths - depths[0], shares, strict=True)]
     dt, held = guide.guide.dt, (FarEnd(end, 'sleeve'),)
     grips = BoundaryMotion(guide, [GripTrajectory(ends, dt, False)], held)  # type: ignore[arg-type]  # as a GripTrajectory

@@ -181,7 +181,7 @@ def plot_fit(fit: Fit, ax: Axes | None = None) -> Figure:
             Primitive('found', k, 'line', VERMILION, points=line))], frame.side)
     frame.look(azimuth(points))
     frame.show(*box_around(points))
-    places.set_title('points seen, and the DLO found (red), which is off them by '
+    places.set_title('points seen, and the DLO found (lines), which is off them by '
                      f'{1e3 * fit.misfit:.3g} mm', fontsize=10, wrap=True)
     return _fit_numbers(figure.add_subplot(1, 2, 2), fit)
 
@@ -200,7 +200,7 @@ def _fit_numbers(axes: Any, fit: Fit) -> Figure:
     for row, name in enumerate(fit.names):
         unit = unit_of(name)
         text = (f'{figure(numbers[row])} ± {spread[row]:.2g} {unit}' if np.isfinite(spread[row])
-                else f'{figure(numbers[row])} {unit}, not told by the observations')
+                else f'{figure(numbers[row])} {unit}, not resolvable from the observations')
         axes.annotate(text, (_SHOWN_PART, row), (4, 7), textcoords='offset points', fontsize=8)
     axes.set(yticks=rows, xscale='log', xlim=(_SHOWN_PART, 3 * most), ylim=(len(rows) - 0.4, -0.6),
              xlabel='standard deviation / value')
@@ -289,7 +289,7 @@ def _axes(ax: Axes | None) -> Any:
 
 def _said(number: float, deviation: float) -> str:
     return (f'{figure(number)} +- {deviation:.2g}' if np.isfinite(deviation)
-            else f'{figure(number)}, not told by the observations')
+            else f'{figure(number)}, not resolvable from the observations')
 
 
 def plot_map(capability: Any, across: int, quantity: str, label: str) -> Figure:

@@ -283,7 +283,7 @@ def _estimate_rows(estimate: Estimate) -> list[Row]:
             ('last look could be used', 'yes' if estimate.converged else 'no', ''),
             ('misfit', figure(estimate.misfit), 'm'),
             ('outliers', figure(estimate.outliers), ''),
-            ('surprise', figure(estimate.surprise), ''),
+            ('normalized innovation', figure(estimate.normalized_innovation), ''),
             *(_deviating(name, value, estimate.deviations[name])
               for name, value in estimate.values.items())]
 
@@ -371,7 +371,8 @@ def _grasp_rows(found: Any) -> list[Row]:
 
 
 def _deviating(name: str, number: float, deviation: float) -> Row:
-    said = f'+- {deviation:.2g}' if np.isfinite(deviation) else 'not told by the observations'
+    said = (f'+- {deviation:.2g}' if np.isfinite(deviation)
+            else 'not resolvable from the observations')
     return name, figure(number), f'{said} {unit_of(name)}'.rstrip()
 
 

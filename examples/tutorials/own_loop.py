@@ -86,13 +86,13 @@ while loop.phase not in (Phase.DONE, Phase.STOP):
             loop.finish(work, error)
 
 # %%
-# How it ended: `loop.reason` says why it stopped, if it did. `loop.promised` is the largest miss
-# that was expected at the entry, with 95 %.
+# How it ended: `loop.reason` says why it stopped, if it did. `loop.miss_bound_95` is the largest
+# miss that was expected at the entry, with 95 %.
 plane = hole.pose.rotation.T @ (cell.real.solve(cell.gripper, cell.shape).positions.T
                                 - (hole.center + cell.sheet_is_off)[:, None])
 miss = np.hypot(*(np.interp(0.0, plane[0], row) for row in plane[1:]))
 print(f'{loop.phase.value} after {cell.time:.1f} s; off the center by {1e3 * miss:.2f} mm, '
-      f'promised {1e3 * loop.promised:.2f} mm; the sheet is '
+      f'promised {1e3 * loop.miss_bound_95:.2f} mm; the sheet is '
       f'{1e3 * np.linalg.norm(cell.sheet_is_off):.1f} mm from where it was stated')
 assert loop.phase is Phase.DONE, loop.reason
-assert miss < loop.promised < task.room
+assert miss < loop.miss_bound_95 < task.room

@@ -20,7 +20,7 @@ from dlo_planner.arm.joint_stream import JointStream, followed, settling_time
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Feedback, Guards
-from dlo_planner.identify.online_trajectory import Change, Steered
+from dlo_planner.identify.online_trajectory import Change, CorrectedTrajectory
 from msg_helpers.trajectories import joint_points_msg
 
 LIMITS, PERIOD, RATE = Limits(), 0.02, 0.002
@@ -181,15 +181,31 @@ def test_cancel_is_a_trajectory_to_rest_within_the_limits(at, late):
     np.testing.assert_allclose(ur5().pose(cell.commands[-1]).position, there, atol=1e-6)
 
 
+def test_a_stop_that_is_not_heard_is_said():
+    going = motion(ur5(), UR5_READY)
+    cell = Cell(ur5(), UR5_READY, going, late=0.05, seed=2)
+    cell.lost = lambda now: now > 1.19  # the message of the stop, and all later ones
+    cell.execution = replace(cell.execution, guards=Guards(path_position=0.01, path_angle=0.1))
+
+    def cancels(cell):
+        cell.execution = cell.execution.canceled()
+
+    cell.run(4.0, {1.2: cancels})
+    away = np.linalg.norm(ur5().pose(cell.commands[-1]).position - cell.execution.command.position)
+    assert away > 0.05 and cell.largest() <= ROUNDED  # it went on as far as it had been told
+    assert (cell.execution.phase, cell.execution.cause) == ('stopped', Cause.PATH_TOLERANCE)
+    assert cell.execution.reason.startswith('canceled; the stop is not followed: ')
+
+
 def test_a_correction_is_spliced_in_where_nothing_was_told_yet():
     going = motion(ur5(), UR5_READY, limits=Limits(*(0.5 * LIMITS.sizes).ravel()))
     moved = np.array([[0.01, 0, 0, 0.0, 0.005, 0.002]])
     cell = Cell(ur5(), UR5_READY, going, late=0.09, seed=5)
 
     def corrects(cell):
-        steered = replace(Steered(going, np.array([0.8, 0.7, 0.1])),
+        spliced = replace(CorrectedTrajectory(going, np.array([0.8, 0.7, 0.1])),
                           changes=(Change(cell.execution.free, np.zeros(1), moved),))
-        cell.execution = cell.execution.corrected(steered)
+        cell.execution = cell.execution.corrected(spliced)
         assert not cell.execution.refusal
         cell.way = cell.execution.way
 

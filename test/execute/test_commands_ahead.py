@@ -13,7 +13,7 @@ from dlo_planner.cell.robot import Robot, Timetable
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.execution import Ahead, Execution, places_ahead
 from dlo_planner.execute.guards import Feedback, Guards
-from dlo_planner.identify.online_trajectory import Change, Steered
+from dlo_planner.identify.online_trajectory import Change, CorrectedTrajectory
 from msg_helpers.trajectories import poses_ahead, stamped_poses
 
 PLAN = threaded()
@@ -167,10 +167,10 @@ def test_a_correction_begins_where_nothing_was_told_yet(late):
 
     def corrects(line):
         execution = line.execution
-        steered = replace(Steered(WAY, np.array([0.8, 0.7, 0.1])),
+        corrected_trajectory = replace(CorrectedTrajectory(WAY, np.array([0.8, 0.7, 0.1])),
                           changes=(Change(execution.free, np.zeros(1), moved),))
-        line.began, line.way = execution.free, steered
-        line.execution = replace(execution, way=steered)
+        line.began, line.way = execution.free, corrected_trajectory
+        line.execution = replace(execution, way=corrected_trajectory)
 
     line = Line(late=late, seed=2)
     places = line.run(7.5, {4.0: corrects})

@@ -30,7 +30,7 @@ from dlo_planner.execute.correction_checks import (
 )
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.loop_motions import commanded_of
-from dlo_planner.identify import Steered, correct
+from dlo_planner.identify import CorrectedTrajectory, correct
 from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
 from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.parameters import PARAMETERS
@@ -129,7 +129,7 @@ def test_what_the_motion_and_late_commands_displace_is_expected():
     way = Trajectory(PLAN, tolerance=np.inf)
     seen = InMotion(True, 1e-3, 0.0, 0.0, 0.0, np.inf, np.inf, 0.0, 1.0, 0.01, 2e-3)
     way, moved = restored(way.path, way.laws, way.limits, np.inf, seen, np.nan, ''), 3e-3
-    for one in (way, Steered(way, np.array([0.5, 0.5, 0.1]))):
+    for one in (way, CorrectedTrajectory(way, np.array([0.5, 0.5, 0.1]))):
         execution = Execution(one, Pose.identity(), 'world')
         assert motion_bound(execution) == moved
         stalled = replace(execution, stall_displacement=0.01)
@@ -143,7 +143,7 @@ def test_a_look_in_motion_with_outliers_and_wrong_stamps_is_explained():
     for time in np.linspace(0, 2, 101):
         out.gripper(time, Pose(START.position + (0.1 * (time - 1.0), 0, 0), START.quaternion))
     out.look(1.0, truth.seen(rng, START, outliers=0.4, shape=shape).points)
-    assert out.surprise < 1
+    assert out.normalized_innovation < 1
     assert misfit_reason(out, 0.1) == ''
 
 
@@ -184,7 +184,7 @@ def test_the_way_in_is_not_corrected_for_a_cutout_that_was_seen_before_it_was_pl
 
 def test_it_stops_before_a_cutout_that_it_may_miss(observing):
     way = Trajectory(PLAN, tolerance=np.inf)
-    entry = Steered.of(way, PLAN.shapes[-1]).reached(PLAN.times)[looked_at(PLAN)[0]]
+    entry = CorrectedTrajectory.of(way, PLAN.shapes[-1]).reached(PLAN.times)[looked_at(PLAN)[0]]
     motion = Execution(way, Pose.identity(), 'world', done=entry - 2.0)
     unsure, sure = (expected_miss(one.estimate, PLAN, motion) for one in (
         DloEstimator(scene().direct, SEEING), observing))
@@ -207,7 +207,8 @@ def test_what_is_not_blended_in_at_the_entry_counts(observing):
     estimate, way = observing.estimate, Trajectory(PLAN, tolerance=np.inf)
     windows = np.array([0.5, 0.5, 0.1])
     found = correct(estimate, PLAN)
-    steered, reached = Steered(way, windows), Steered(way, windows).reached(PLAN.times)
+    motion = CorrectedTrajectory(way, windows)
+    reached = motion.reached(PLAN.times)
     entry = reached[looked_at(PLAN)[0]]
 
     def bound(way, plan=PLAN):
@@ -215,17 +216,17 @@ def test_what_is_not_blended_in_at_the_entry_counts(observing):
 
     # aimed at, with looks on the way there, a second and half the windows before
     chosen = looked_at(PLAN)
-    aimed = estimate.miss(replace(PLAN, grippers=found.grippers), chosen, steered.poses(
+    aimed = estimate.miss(replace(PLAN, grippers=found.grippers), chosen, motion.poses(
         np.maximum(reached[chosen] - 1.55, entry - 3.0))).together
     assert aimed < found.miss.together  # without
-    assert bound(steered) > 1.5 * aimed
-    bounds = [bound(steered.corrected(entry - early, found, reached))
+    assert bound(motion) > 1.5 * aimed
+    bounds = [bound(motion.corrected(entry - early, found, reached))
               for early in (2.0, 0.7, 0.5, -0.1)]
     assert bounds[0] == pytest.approx(aimed, rel=0.02)
     assert all(one <= other * 1.01 for one, other in itertools.pairwise(bounds))
     assert bounds[-1] > 1.3 * bounds[0]
     free = replace(PLAN, via_points=((),) * len(PLAN))
-    assert bound(steered, free) == 0.0
+    assert bound(motion, free) == 0.0
 
 
 def test_some_of_what_passes_is_looked_at():

@@ -23,9 +23,9 @@ from dlo_planner import (
 )
 from dlo_planner.closed_loop import DloEstimator, EstimatorConfig, Feedback, LoopTask, TaskLoop
 from dlo_planner.direct.grasp import grasped_at
-from dlo_planner.execute.correction_checks import aimed_anew
+from dlo_planner.execute.correction_checks import retargeted
 from dlo_planner.execute.loop_motions import commanded_of
-from dlo_planner.identify import Phase, Steered
+from dlo_planner.identify import CorrectedTrajectory, Phase
 from dlo_planner.identify.correction import correct
 from dlo_planner.model.rod import followed_by, part_of_rod
 from dlo_planner.rods import GraspedInside
@@ -111,8 +111,8 @@ def test_a_correction_is_judged_with_what_is_behind():
     assert 'the part of the DLO behind the gripper would be 0.00' in ball.behind(estimate, aside)
     fore = task([Sphere(HOLE.center - np.array([0.1, -0.054, 0]), 0.05)])  # that is not behind
     assert fore.behind(estimate, aside) == ''
-    way = Steered.of(Trajectory(through, tolerance=np.inf), through.shapes[0])
-    doubts = [aimed_anew(loop_task.front, estimate, plan, way, 0.0, way.reached(through.times),
+    way = CorrectedTrajectory.of(Trajectory(through, tolerance=np.inf), through.shapes[0])
+    doubts = [retargeted(loop_task.front, estimate, plan, way, 0.0, way.reached(through.times),
                          None, 0.1, 0.5, behind=judged).doubts
               for judged in (loop_task.behind, lambda *_: 'it is in the way')]
     assert doubts == ['', 'it is in the way']
@@ -120,7 +120,7 @@ def test_a_correction_is_judged_with_what_is_behind():
 
 def test_the_windows_of_a_motion_are_periods_of_both_parts():
     shape = GraspedInside(ROD, AT).solve(START)
-    way = Steered.of(Trajectory(InverseSimulator(DirectSimulator(ROD)).thread(
+    way = CorrectedTrajectory.of(Trajectory(InverseSimulator(DirectSimulator(ROD)).thread(
         HOLE, depths=(0, 0.05), hold_at=AT), tolerance=np.inf), shape)
     slowest = 1 / shape.parts[0].modes(1).frequencies[0]
     assert way.windows[0] == pytest.approx(slowest) and slowest > 2 / shape.parts[1].modes(
@@ -171,5 +171,5 @@ def test_it_goes_through_the_hole_by_what_is_seen():
     shape = cell.real.solve(cell.gripper, cell.shape)
     away = shape.positions_at(np.linspace(AT, 1, 4001)) - HOLE.center - cell.off
     miss = np.linalg.norm(away, axis=1).min()
-    assert miss < loop.promised < loop_task.room
+    assert miss < loop.miss_bound_95 < loop_task.room
     assert loop.aimed is not None  # it was corrected on the way

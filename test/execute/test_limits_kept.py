@@ -15,7 +15,7 @@ from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Execution, blend_from_current_pose
 from dlo_planner.execute.guards import Enabled, Feedback, Guards
 from dlo_planner.execute.limiter import Limiter, frames_of, shortest_stop, used
-from dlo_planner.identify.online_trajectory import Change, Steered
+from dlo_planner.identify.online_trajectory import Change, CorrectedTrajectory
 from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.parameters import PARAMETERS
 
@@ -233,7 +233,7 @@ def test_with_a_horizon_single_commands_that_are_behind_stop_as_soon():
 
 def leaping(way=WAY, by=0.01, since=3.0):
     """Return a motion that leaps: it must never go out."""
-    return Steered(way, np.array([0.02, 0.02, 0.02]),
+    return CorrectedTrajectory(way, np.array([0.02, 0.02, 0.02]),
                    (Change(since, np.zeros(1), np.array([[0, 0, 0, 0, by, 0.0]])),))
 
 
@@ -303,8 +303,8 @@ def test_the_limiter_lets_nothing_through_after_it_has_stopped():
 
 def correction(execution, meters, windows=(0.9, 0.8, 0.1)):
     way = execution.way
-    return execution.corrected(Steered(
-        way.trajectory if isinstance(way, Steered) else way, np.array(windows),
+    return execution.corrected(CorrectedTrajectory(
+        way.trajectory if isinstance(way, CorrectedTrajectory) else way, np.array(windows),
         (*getattr(way, 'changes', ()), Change(execution.free, np.zeros(1), np.array(
             [[0.0, 0.0, 0.0, 0.0, meters, 0.0]])))))
 
@@ -344,7 +344,7 @@ def test_a_stop_in_a_correction_keeps_the_limits():
         robot = Robot(begun()).run(regular(12), {
             150: lambda execution: correction(execution, 4e-3), index: Execution.canceled})
         assert robot.execution.phase == 'stopped'
-        assert isinstance(robot.execution.way, Steered)
+        assert isinstance(robot.execution.way, CorrectedTrajectory)
         assert largest(robot.commands, LIMITS, PERIOD) <= ROUNDED
 
 

@@ -37,12 +37,12 @@ from dlo_planner.cell.tasks import draw_task
 from dlo_planner.direct.shape import carried
 from dlo_planner.execute import correction_checks, loop_motions
 from dlo_planner.execute.causes import Cause
-from dlo_planner.execute.correction_checks import aimed_anew
+from dlo_planner.execute.correction_checks import retargeted
 from dlo_planner.execute.guards import Feedback, Guards
 from dlo_planner.execute.limiter import frames_of, used
 from dlo_planner.execute.loop_motions import LoopTask, way_back, way_in, way_to_standoff
 from dlo_planner.execute.task_loop import TaskLoop
-from dlo_planner.identify import Steered
+from dlo_planner.identify import CorrectedTrajectory
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
 from dlo_planner.identify.vibration import STATED, FreeVibration
@@ -71,12 +71,12 @@ class Seen:
 
     def __init__(self):
         self.seeing, self.estimate = SEEING, DloEstimator(DIRECT, SEEING).estimate
-        self.doubted, self.seen, self.swing, self.off = False, np.inf, 0.0, 0.0
+        self.inconsistent, self.seen, self.swing, self.off = False, np.inf, 0.0, 0.0
         self.vibrations, self.since = [], []
         self.at_rest = []  # of each look at rest, how the DLO vibrates in it
         self.cutout_suspect = False
 
-    def reopen(self, stamp=0.0):
+    def inflate_covariance(self, stamp=0.0):
         """Forget nothing."""
 
     def vibration(self, gripper, since, factor, periods=None):
@@ -140,7 +140,7 @@ class Cell:
 
 
 def test_what_motion_and_the_standoff_add_is_promised(ways):
-    assert Cell(ways).entering().loop.promised == pytest.approx(1e-3 + 3e-4 + 4e-4)
+    assert Cell(ways).entering().loop.miss_bound_95 == pytest.approx(1e-3 + 3e-4 + 4e-4)
 
 
 def test_what_a_plan_misses_by_itself_is_promised_once_and_said_where_it_is_refused(ways):
@@ -149,7 +149,7 @@ def test_what_a_plan_misses_by_itself_is_promised_once_and_said_where_it_is_refu
     soft = replace(entry, whole=replace(entry.whole, position_error=np.full(
         len(entry.whole), 2e-4)))
     cell.plans = [way, soft]
-    assert cell.entering().loop.promised == pytest.approx(1e-3 + 3e-4 + 4e-4 - 2e-4)
+    assert cell.entering().loop.miss_bound_95 == pytest.approx(1e-3 + 3e-4 + 4e-4 - 2e-4)
     cell = Cell(ways)
     cell.plans = [way, *[replace(soft, bound=1e-2, motion=None)] * 3]
     cell.until(lambda: cell.loop.phase is Phase.STOP)
@@ -182,7 +182,7 @@ def test_a_swing_that_is_seen_delays_and_is_promised(ways):
     cell.until(lambda: cell.time > 3.0)
     assert cell.loop.phase is Phase.LOOK
     cell.seen.swing = 5e-4
-    assert cell.entering().loop.promised == pytest.approx(1e-3 + 5e-4 + 4e-4)
+    assert cell.entering().loop.miss_bound_95 == pytest.approx(1e-3 + 5e-4 + 4e-4)
 
 
 def vibrating(amplitude, deviation):
@@ -200,7 +200,7 @@ def test_a_swing_counts_as_far_as_it_is_seen_and_else_as_it_was_simulated(ways, 
                                                                            counts):
     cell = Cell(ways)
     cell.seen.at_rest = [vibrating(1e-5, 1e-5), vibrating(seen, deviation)]
-    promised = cell.entering().loop.promised
+    promised = cell.entering().loop.miss_bound_95
     assert promised == pytest.approx(1e-3 + 4e-4 + counts, abs=1e-6)
 
 
@@ -221,7 +221,7 @@ def test_a_swing_that_is_over_costs_no_room(ways):
     # with the first the bound is above the room, and there is another look
     cell.seen.at_rest = [vibrating(size, 1e-5) for size in (1e-5, 0.99 * task().tolerance, 1e-5)]
     cell.plans[1] = replace(entry, bound=0.8 * task().room)
-    assert cell.entering().loop.promised < 1e-3 + 4e-4 + 1e-4
+    assert cell.entering().loop.miss_bound_95 < 1e-3 + 4e-4 + 1e-4
     assert cell.loop.tries == 0 and not cell.plans
 
 
@@ -235,9 +235,9 @@ def test_a_swing_is_taken_away_before_it_is_planned(ways):
         return FreeVibration(modes, cell.time, state, STATED, 1e-3, 1e-4)
 
     cell.until(lambda: cell.time > 0.05)
-    cell.seen.doubted = True
+    cell.seen.inconsistent = True
     cell.step()
-    cell.seen.doubted = False
+    cell.seen.inconsistent = False
     cell.seen.vibrations = [swinging(8e-3), swinging(0.1e-3)]
     begun = cell.time
     cell.until(lambda: cell.loop.phase is Phase.CALM)
@@ -271,9 +271,9 @@ def test_a_swing_is_taken_away_where_it_is_one_and_there_is_room(ways, monkeypat
     seen = FreeVibration(modes, 0.0, state, STATED, 1e-3, deviation)
     cell.seen.vibrations = [seen]
     cell.step()
-    cell.seen.doubted = True
+    cell.seen.inconsistent = True
     cell.step()
-    cell.seen.doubted = False
+    cell.seen.inconsistent = False
     cell.until(lambda: not cell.seen.vibrations)
     assert (cell.loop.phase is Phase.CALM) == (there == 'nothing')
 
@@ -284,9 +284,9 @@ def test_a_swing_that_cannot_be_taken_away_has_to_come_to_rest_by_itself(ways):
     state = np.array([[3e-2 / np.linalg.norm(modes.displacements[0, -1])], [0.0]])
     cell.seen.vibrations = [FreeVibration(modes, 0.0, state, STATED, 1e-3, 1e-4)] * 100
     cell.step()
-    cell.seen.doubted = True
+    cell.seen.inconsistent = True
     cell.step()
-    cell.seen.doubted = False
+    cell.seen.inconsistent = False
     phases = []
     cell.until(lambda: phases.append(cell.loop.phase) or cell.loop.phase is Phase.STOP)
     calmed = sum(one is Phase.CALM and other is not Phase.CALM
@@ -303,7 +303,7 @@ def test_where_looks_disagree_or_fail_it_comes_to_rest_before_the_hole(ways, wha
     begun = cell.time
     if what == 'doubted':
         cell.until(lambda: cell.time > begun + 1.0)
-        cell.seen.doubted = True
+        cell.seen.inconsistent = True
     else:
         cell.seen.seen = begun
     cell.until(lambda: cell.loop.execution is None)
@@ -358,8 +358,8 @@ def test_a_way_is_planned_within_the_workspace():
 
 def aimed(ways, most=0.05, lag=0.0, estimate=None, **around):
     through = ways[2]
-    way = Steered.of(Trajectory(through, tolerance=np.inf), through.shapes[-1])
-    return aimed_anew(task(**around).inverse, estimate or Seen().estimate, through, way, 0.5,
+    way = CorrectedTrajectory.of(Trajectory(through, tolerance=np.inf), through.shapes[-1])
+    return retargeted(task(**around).inverse, estimate or Seen().estimate, through, way, 0.5,
                       way.reached(through.times), None, most, lag)
 
 
@@ -569,7 +569,7 @@ def test_a_plan_is_judged_by_the_room_that_it_leaves(ways, bound):
     cell.plans[1:] = [replace(narrow, motion=None if bound > 1 else motion)] * 6
     cell.plans[0] = moving(ways[0], 2e-3, 0.0)
     if bound < 1:
-        assert cell.entering().loop.promised == pytest.approx(bound * least + 1e-4)
+        assert cell.entering().loop.miss_bound_95 == pytest.approx(bound * least + 1e-4)
         return
     cell.until(lambda: cell.loop.phase is Phase.STOP)
     assert cell.loop.cause is Cause.MISS_EXPECTED
@@ -647,6 +647,6 @@ def test_looks_count_no_more_where_the_dlo_does_not_hang_freely_any_more(ways):
 
     cell.entering().until(inside)
     assert -2 * PERIOD <= ignored[0] <= 0
-    cell.seen.doubted = True  # a DLO that is held looks like one that slips
+    cell.seen.inconsistent = True  # a DLO that is held looks like one that slips
     cell.until(lambda: inside() and cell.loop.phase is not Phase.ENTER)
     assert cell.loop.phase is Phase.DONE

@@ -137,7 +137,7 @@ def test_a_delay_of_all_stamps_is_told_by_looks_in_motion(late, rng):
     for stamp in np.arange(0.5, 4.5, 0.2):
         out.look(stamp, truth.seen(rng, there(stamp - late)).points)
     estimate = out.estimate
-    assert not out.doubted
+    assert not out.inconsistent
     assert estimate.looks > 15
     assert estimate.delay == pytest.approx(late, abs=3 * estimate.deviations['stamps'])
     assert estimate.deviations['stamps'] < 0.02
@@ -184,16 +184,16 @@ def test_what_a_bump_bent_for_good_is_found_and_the_bound_keeps(place, angle, rn
         out.gripper(time, BEFORE)
     for stamp in np.arange(0.5, 3.0, 0.2):
         out.look(stamp, truth.seen(rng, BEFORE, begin=0.4).points)
-    assert not out.doubted
+    assert not out.inconsistent
     bent = kinked(truth, place, angle)
     for stamp in np.arange(3.0, 4.0, 0.2):
         with suppress(InvalidTask):  # no equilibrium explains it
             out.look(stamp, bent.seen(rng, BEFORE, begin=0.4).points)
-    assert out.doubted
-    out.reopen()
+    assert out.inconsistent
+    out.inflate_covariance()
     for stamp in np.arange(4.0, 7.0, 0.2):
         out.look(stamp, bent.seen(rng, BEFORE, begin=0.4).points)
-    assert not out.doubted
+    assert not out.inconsistent
     miss, bound = aimed(out.estimate, bent)
     assert miss < bound < 4e-3
 

@@ -66,7 +66,7 @@ def test_a_carried_end_does_not_tell_where_the_end_is(rng):
             out.look(stamp, points)
     end = shapes[1].positions[-1]
     assert np.linalg.norm(last[-1] - end) > 0.02  # where the tracker has it
-    assert not out.doubted
+    assert not out.inconsistent
     assert np.linalg.norm(out.estimate.shape(other).positions[-1] - end) < 3e-3
 
 
@@ -84,8 +84,8 @@ def test_where_points_begin_to_be_carried_a_look_may_disagree_and_is_no_doubt(rn
                 last = places + [0, 5e-3, 0] * hidden[:, None]
             points[hidden] = moved(last, rng)[hidden] if k % 3 == 2 else last[hidden]
         out.look(0.5 + 0.2 * k, points)
-        surprises.append(out.surprise)
-        assert not out.doubted, k
+        surprises.append(out.normalized_innovation)
+        assert not out.inconsistent, k
     assert min(surprises[10::3]) > 1
     assert max(surprises[9::3]) <= 1
 

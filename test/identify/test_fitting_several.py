@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Several unknowns at once, held far ends, natural strains along s, motions: true or not told."""
+"""Several unknowns at once, held far ends, natural strains along s, motions: true or not known."""
 
 from dataclasses import replace
 
@@ -138,7 +138,7 @@ def test_what_only_ratios_tell_has_no_finite_deviation(rng):
     np.testing.assert_allclose(fit.correlations, 1.0, atol=1e-6)
     ratio = fit.values['bending_stiffness'][0] / fit.values['mass_per_length']
     assert ratio == pytest.approx(0.02 / 0.07, rel=0.02)
-    assert 'not told' in repr(fit)
+    assert 'not resolvable' in repr(fit)
     # a prior of one of them makes all of them known
     known = fit_rod(Rod(1.0, 0.07, (0.02, 0.03), 0.02), seen, names, prior=Uncertainty(mass=0.05),
                     **MESH)

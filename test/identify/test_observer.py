@@ -209,7 +209,7 @@ def on_the_way(seed, factor=1.0, slip=None, count=16, step=0.5):
 def test_looks_that_are_as_expected_agree():
     looks = [look for seed in range(2) for look in on_the_way(seed)]
     assert all(look.agrees for look in looks)
-    assert np.median([look.surprise for look in looks]) > 0.2  # it is looked at
+    assert np.median([look.normalized_innovation for look in looks]) > 0.2  # it is looked at
     assert max(look.inflation for look in looks) < 1.1
 
 
@@ -217,7 +217,7 @@ def test_a_slip_is_seen_at_once():
     looks = on_the_way(0, slip=(0, np.radians(1), 0))
     assert all(look.agrees for look in looks[:8])
     assert not looks[8].agrees
-    assert looks[8].surprise > 3
+    assert looks[8].normalized_innovation > 3
 
 
 def test_a_light_touch_that_grows_slowly_is_seen_in_many_looks_together(rng):
@@ -230,7 +230,7 @@ def test_a_light_touch_that_grows_slowly_is_seen_in_many_looks_together(rng):
         estimate = OBSERVER.update(estimate, touched.seen(rng, START, begin=0.1))
         if not estimate.agrees:
             break
-    assert estimate.converged and estimate.surprise > 1
+    assert estimate.converged and estimate.normalized_innovation > 1
     assert estimate.inflation > 1.3  # the bound grows before
 
 

@@ -8,7 +8,7 @@ from closed_loops import DEPTHS, NOISE, SPREAD, WIRE, plan_of
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, InvalidTask, Limits, Observer, Pose, Trajectory
-from dlo_planner.identify import Steered, correct
+from dlo_planner.identify import CorrectedTrajectory, correct
 from dlo_planner.identify.online_trajectory import Change, step_response
 
 PLAN = plan_of(depths=DEPTHS)
@@ -17,8 +17,8 @@ WINDOWS = np.array([0.9, 0.35, 0.1])
 STEPPED = np.tile([0.0, 0.01, 0.0, 0.002, 0.0, -0.001], (2, 1))
 
 
-def steered(*changes, **options):
-    return Steered(MOTION, WINDOWS, changes, **options)
+def moving(*changes, **options):
+    return CorrectedTrajectory(MOTION, WINDOWS, changes, **options)
 
 
 def test_a_step_is_averaged_over_both_windows():
@@ -45,14 +45,14 @@ def test_an_oscillator_of_a_windows_period_is_at_rest_again(width):
 
 def test_without_changes_it_is_the_trajectory():
     times = np.linspace(0, MOTION.duration, 7)
-    for one, other in zip(steered().at(times)[0], MOTION.at(times)[0], strict=True):
+    for one, other in zip(moving().at(times)[0], MOTION.at(times)[0], strict=True):
         np.testing.assert_allclose(one.matrix, other.matrix, atol=1e-15)
-    assert steered().duration == MOTION.duration
+    assert moving().duration == MOTION.duration
 
 
 def test_a_change_comes_smoothly_and_whole():
     change = Change(1.0, [0.0, MOTION.duration], STEPPED)
-    motion = steered(change)
+    motion = moving(change)
     times = np.linspace(0, motion.duration, 4001)
     base, now = MOTION.at(times)[0], motion.at(times)[0]
     off = np.array([one.position - other.position for one, other in zip(now, base, strict=True)])
@@ -66,14 +66,14 @@ def test_a_change_comes_smoothly_and_whole():
 
 
 def test_a_late_change_is_blended_in_to_its_end():
-    motion = steered(Change(MOTION.duration - 0.1, [MOTION.duration], STEPPED[:1]))
+    motion = moving(Change(MOTION.duration - 0.1, [MOTION.duration], STEPPED[:1]))
     assert motion.duration == pytest.approx(MOTION.duration - 0.1 + WINDOWS.sum())
     end = motion.at([motion.duration])[0][0].position - MOTION.at([MOTION.duration])[0][0].position
     np.testing.assert_allclose(end, STEPPED[0, 3:], atol=1e-12)
 
 
 def test_waypoints_are_reached_when_it_says():
-    reached = steered().reached(PLAN.times[3:])
+    reached = moving().reached(PLAN.times[3:])
     assert len(reached) == len(PLAN) - 3
     for pose, planned in zip(MOTION.at(reached)[0], PLAN.grippers[3:], strict=True):
         np.testing.assert_allclose(pose.position, planned.position, atol=1e-4)
@@ -81,14 +81,14 @@ def test_waypoints_are_reached_when_it_says():
 
 def test_corrections_lead_to_the_corrected_poses():
     observer = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
-    estimate, motion = observer.begin(), steered()
+    estimate, motion = observer.begin(), moving()
     rng = np.random.default_rng(5)
     for first, time in ((2, 0.5), (4, 3.0)):
         z = 0.5 * observer.uncertain.deviations * rng.normal(size=observer.uncertain.size)
         wrong = type(estimate)(estimate.uncertain, z, estimate.covariance)
         correction = correct(wrong, PLAN, first)
-        motion = motion.corrected(time, correction, steered().reached(PLAN.times[first:]))
-    reached = steered().reached(PLAN.times)
+        motion = motion.corrected(time, correction, moving().reached(PLAN.times[first:]))
+    reached = moving().reached(PLAN.times)
     done = [k for k in range(first, len(PLAN)) if reached[k] > time + WINDOWS.sum()]
     assert len(done) > 3
     for k, pose in zip(done, motion.at(reached[done])[0], strict=True):
@@ -101,14 +101,14 @@ def test_what_did_not_converge_changes_nothing():
     correction = correct(observer.begin(), PLAN, 2)
     failed = type(correction)(**{**{name: getattr(correction, name) for name in (
         'first', 'grippers', 'offsets', 'miss', 'shapes')}, 'converged': False})
-    assert steered().corrected(1.0, failed, steered().reached(PLAN.times[2:])) == steered()
+    assert moving().corrected(1.0, failed, moving().reached(PLAN.times[2:])) == moving()
     with pytest.raises(InvalidTask, match='reached has 1 entries: expected one for each'):
-        steered().corrected(1.0, correction, [1.0])
+        moving().corrected(1.0, correction, [1.0])
 
 
 def test_the_tool_goes_along():
     tool = Pose((0.0, 0.0, 0.1), (0, 0, 0, 1))
-    (one,), *_ = steered(tool=tool).at([2.0])
+    (one,), *_ = moving(tool=tool).at([2.0])
     np.testing.assert_allclose(one.matrix, MOTION.at([2.0])[0][0].compose(tool).matrix,
                                atol=1e-15)
 
@@ -116,7 +116,7 @@ def test_the_tool_goes_along():
 def test_windows_are_the_slowest_periods_that_differ():
     shape = PLAN.shapes[0]
     periods = 1 / shape.modes(4).frequencies
-    windows = Steered.of(MOTION, shape).windows
+    windows = CorrectedTrajectory.of(MOTION, shape).windows
     assert windows[0] == periods[0]
     assert len(windows) == 3
     assert windows[1] in periods
@@ -126,7 +126,7 @@ def test_windows_are_the_slowest_periods_that_differ():
 def test_velocities_and_accelerations_against_differences():
     tool = Pose((0.1, 0.0, 0.1), Rotation.from_rotvec((0.2, 0.1, 0.0)).as_quat())
     offsets = np.array([[0.02, -0.01, 0.01, 0.004, 0.0, 0.003], [0.0, 0.02, 0.01, 0.0, 0.01, 0.0]])
-    motion = steered(Change(1.0, [0.5, MOTION.duration], offsets),
+    motion = moving(Change(1.0, [0.5, MOTION.duration], offsets),
                      Change(1.7, [1.0, MOTION.duration], -0.5 * offsets), tool=tool)
     step, times = 1e-4, np.linspace(0.6, MOTION.duration - 0.5, 23)
     (back, *_), (_, speeds, accelerations), (ahead, *_) = (
@@ -143,8 +143,8 @@ def test_jerk_is_bounded():
     times = np.linspace(0, 1.35, 2701)
     changes = np.diff(step_response(times, WINDOWS, 2)) / times[1]
     assert np.abs(changes).max() < 4.1 / np.prod(WINDOWS)
-    with pytest.raises(InvalidTask, match='Steered.windows has 2 entries'):
-        Steered(MOTION, WINDOWS[:2])
+    with pytest.raises(InvalidTask, match='CorrectedTrajectory.windows has 2 entries'):
+        CorrectedTrajectory(MOTION, WINDOWS[:2])
 
 
 @pytest.mark.parametrize(('times', 'offsets', 'named'), [
@@ -157,7 +157,7 @@ def test_changes_that_make_no_sense_are_named(times, offsets, named):
 
 
 def many_changes():
-    reached = steered().reached(PLAN.times)
+    reached = moving().reached(PLAN.times)
     rng = np.random.default_rng(2)
     return [Change(0.1 * k, reached[k // 4:], 1e-3 * rng.normal(size=(reached.size - k // 4, 6)))
             for k in range(0, 4 * reached.size - 1, 3)]
@@ -165,7 +165,7 @@ def many_changes():
 
 def test_many_changes_are_the_sum_of_each():
     changes, times = many_changes(), np.linspace(-0.5, MOTION.duration + 2.0, 301)
-    found = steered(*changes)._offsets(times)
+    found = moving(*changes)._offsets(times)
     step = [[step_response(times - one.since, WINDOWS, k)[:, None] for k in range(3)]
             for one in changes]
     whole = [[one.at(times, k) for k in range(3)] for one in changes]

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from sweeps.contact import MESHES, energies, family, held_or_refused, random_contact, scan
+from sweeps.contact import MESHES, branch, energies, held_or_refused, random_contact, scan
 
 from dlo_planner import (
     Capsule,
@@ -19,8 +19,8 @@ from dlo_planner import (
     Rod,
     Trajectory,
 )
-from dlo_planner.inverse.contact_family import STABLE, ContactFamily
-from dlo_planner.inverse.continuation import Passing
+from dlo_planner.inverse.contact_branch import STABLE, ContactBranch
+from dlo_planner.inverse.continuation import BranchPoint
 from dlo_planner.inverse.tasks import contact
 from dlo_planner.inverse.tasks.contact import LEAST_FORCE, MOST_FORCE, PRESSED, StraightSlide
 from dlo_planner.plan.clearance import clearance
@@ -131,7 +131,7 @@ BENT = Rod(1.0, 0.05, (0.16, 0.78), 0.05, natural_curvature=(-0.5, 0.6), natural
 def test_conditions_choose_the_least_of_all_forces(rod):
     direct = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[BAR, FLOOR])
     inverse, start = InverseSimulator(direct), Pose((-0.05, 0.02, 0.75), (0, 0, 0, 1))
-    many = ContactFamily(direct, TOP, 0.6, lambda: None)
+    many = ContactBranch(direct, TOP, 0.6, lambda: None)
     forces = np.geomspace(PRESSED * many.scale[0], MOST_FORCE * many.scale[1], 300)
     shapes = [many.shape(force) for force in forces if many.merit(force) > 0]
     assert 30 < len(shapes) < 300
@@ -173,8 +173,8 @@ def test_the_family_goes_as_far_as_it_is_stable():
 def test_the_family_is_that_of_kirchhoffs_equations():
     direct = DirectSimulator(BENT, basis='local', n_elements=128, obstacles=[BAR])
     forces = [0.05, 0.2]
-    nodes, strains, frames, positions = family(BENT, TOP, 0.6, forces)
-    mine = ContactFamily(direct, TOP, 0.6, lambda: None, 128)
+    nodes, strains, frames, positions = branch(BENT, TOP, 0.6, forces)
+    mine = ContactBranch(direct, TOP, 0.6, lambda: None, 128)
     for k, force in enumerate(forces):
         shape = mine.shape(force)
         np.testing.assert_allclose(shape.gripper.position, positions[k, 0], atol=3e-5)
@@ -185,7 +185,7 @@ def test_the_family_is_that_of_kirchhoffs_equations():
 def test_a_contact_that_rolls_is_more_stable():
     direct = DirectSimulator(BENT, basis='local', obstacles=[BAR])
     shape = InverseSimulator(direct).hold_contact(TOP, 0.6, forces=[0.2]).shapes[0]
-    mine = ContactFamily(direct, TOP, 0.6, lambda: None).shape(0.2)
+    mine = ContactBranch(direct, TOP, 0.6, lambda: None).shape(0.2)
     assert shape.stability == pytest.approx(mine.stability, rel=0.01)
 
 
@@ -380,7 +380,7 @@ class Falling(StraightSlide):
 def test_what_falls_is_sought_from_the_last_shape_before(monkeypatch):
     monkeypatch.setattr(contact, 'apart', lambda one, other: 0.1)
     slide = Falling()
-    assert slide.at(Passing(SimpleNamespace(gone=0.0), depth=0.3), 0.5) is None
+    assert slide.at(BranchPoint(SimpleNamespace(gone=0.0), depth=0.3), 0.5) is None
     fell = next(k for k, (_, gone) in enumerate(slide.tried) if gone > 0.37)
     reached = max(gone for _, gone in slide.tried[:fell])
     for begin, gone in slide.tried[fell + 1:]:

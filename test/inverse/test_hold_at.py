@@ -412,7 +412,7 @@ def test_a_wire_that_cannot_be_inserted_from_its_end_is_where_it_is_held_inside(
     tail = DirectSimulator(replace(whole.simulator.rod, length=0.65, tip_mass=0.0, point_masses=(
         (0.35, 1e-3),) if whole.simulator.rod.point_masses else ()))
     for depth, one, other in zip(plan.depths, plan.shapes, own.shapes, strict=True):
-        # what is outside: all behind the gripper, and the front up to the mouth
+        # what is outside: all behind the gripper, and the front up to the entrance
         assert one.s[-1] == one.rod.length == pytest.approx(1.0 - depth, abs=1e-12)
         assert grasped_at(one) == AT and (depth == 0 or one.far_end is not None)
         np.testing.assert_allclose(one.positions[-1], BORE.center, atol=1e-9)
@@ -421,7 +421,7 @@ def test_a_wire_that_cannot_be_inserted_from_its_end_is_where_it_is_held_inside(
         behind = tail.solve(Pose.from_rotation(
             one.gripper.position, one.gripper.rotation @ np.diag([-1.0, 1.0, -1.0])))
         np.testing.assert_allclose(one.positions_at(AT - behind.s), behind.positions, atol=1e-6)
-        # the gripper bears what hangs on both sides of it, up to the mouth
+        # the gripper bears what hangs on both sides of it, up to the entrance
         masses = sum(mass for s, mass in one.rod.point_masses) + one.rod.tip_mass
         weight = (0.045 * (1.0 - depth) + masses) * 9.81
         assert one.gripper_wrench[2] + one.far_wrench[2] == pytest.approx(weight, rel=1e-6)

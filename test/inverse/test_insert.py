@@ -64,8 +64,8 @@ def test_the_mouth_bears_nothing(name, basis):
     assert set(DEPTHS) <= set(plan.depths)
     for depth, gripper, shape in zip(plan.depths, plan.grippers, plan.shapes, strict=True):
         if np.abs(shape.far_wrench).max() > 1e-6:
-            continue  # the mouth takes over a mass: another test
-        # a DLO cut off at the mouth, with nothing to hold it there
+            continue  # the entrance takes over a mass: another test
+        # a DLO cut off at the entrance, with nothing to hold it there
         masses = [(s, m) for s, m in rod.point_masses if s <= 1 - depth]
         cut = Rod(1 - depth, rod.mass_per_length, rod.bending_stiffness, rod.torsional_stiffness,
                   rod.natural_curvature, rod.natural_twist, masses,
@@ -100,7 +100,7 @@ def test_a_coarse_series_ends_along_the_bore_all_the_same():
 
 
 def test_a_strip_that_slides_out_of_the_mouth_is_not_inserted():
-    # free of force at the mouth it is not stable with 1 m outside, and the mouth lets it slide
+    # free of force at the entrance it is not stable with 1 m outside, and the bore lets it slide
     strip = Rod(1.1, 0.04, (0.006, 25.0), 0.009)
     inverse = InverseSimulator(DirectSimulator(strip, basis='local', n_elements=48))
     with pytest.raises(Infeasible, match='fall out') as refused:
@@ -118,13 +118,13 @@ def test_the_bore_straightens_what_is_bent():
     assert np.isnan(plan.bore_moment[0]).all()  # nothing is inside
     for depth, shape, moment in zip(plan.depths[1:], plan.shapes[1:], plan.bore_moment[1:],
                                     strict=True):
-        mouth = Pose.from_rotation(BORE.center, shape.frames[-1])
+        entrance = Pose.from_rotation(BORE.center, shape.frames[-1])
         # the part inside alone, with no weight, both ends held so that it is straight
         inside = Rod(depth, rod.mass_per_length, rod.bending_stiffness, rod.torsional_stiffness,
                      rod.natural_curvature)
-        far = Pose.from_rotation(BORE.center + depth * mouth.direction, mouth.rotation)
+        far = Pose.from_rotation(BORE.center + depth * entrance.direction, entrance.rotation)
         straight = DirectSimulator(inside, basis='local', gravity=(0, 0, 0)).solve(
-            mouth, far_end=FarEnd(far, 'sleeve'))
+            entrance, far_end=FarEnd(far, 'sleeve'))
         assert straight.converged and np.ptp(straight.tangents, axis=0).max() < 1e-8
         np.testing.assert_allclose(moment, straight.gripper_wrench[3:], atol=1e-4)
         assert np.linalg.norm(moment) == pytest.approx(np.hypot(0.3 * 0.6, 0.6 * 0.4))
@@ -162,13 +162,13 @@ def test_reasons_are_true():
     plan = InverseSimulator(DirectSimulator(Rod(1.0, heavier, 0.4, 0.25))).insert(
         BORE, depths=DEPTHS)
     assert plan.fraction == 1
-    family = Insertion(DirectSimulator(rod), BORE, np.eye(3), np.array([0.3]))
-    found = family.first()
+    branch = Insertion(DirectSimulator(rod), BORE, np.eye(3), np.array([0.3]))
+    found = branch.first()
     builder = PlanBuilder([0.3], PlanChecker((1.0, 1.0)))
     for change, constraint in (({'residual': 1.0, 'converged': False}, 'equilibrium'),
                                ({'stability': -0.2, 'converged': False}, 'stability')):
         poor = found._replace(shape=replace(found.shape, **change))
-        error = family.refusal(builder, None, Step(poor, 0.0))
+        error = branch.refusal(builder, None, Step(poor, 0.0))
         assert error.constraint == constraint
     assert error.amount == 0.2
 
@@ -227,7 +227,7 @@ def beam(length, **more):
     return Inside(**{'lengths': np.diff(length * np.linspace(0, 1, count + 1) ** 1.5),
                      'stiffness': np.tile(BENDS * np.eye(2), (count, 1, 1)),
                      'natural': np.zeros((count, 2)), 'load': np.zeros((count + 1, 3)),
-                     'mouth': 1e-6 * np.eye(4), 'pushed': np.zeros(4), **more})
+                     'entrance': 1e-6 * np.eye(4), 'pushed': np.zeros(4), **more})
 
 
 @pytest.mark.parametrize('couple', [0.02, 0.1, 1.0])
@@ -257,7 +257,7 @@ def test_a_level_bore_rubs_by_the_weight_inside():
         plan = INVERSE.insert(bore(), depths=BORE_DEPTHS, friction=mu)
         assert plan.insertion_force[0] == 0
         shares = plan.insertion_force[1:] / (mu * WEIGHT * plan.depths[1:])
-        # the part outside carries a little of what lies lower than the middle of the mouth
+        # the part outside carries a little of what lies lower than the middle of the entrance
         assert (shares > 0.9).all() and (shares < 1.0).all()
 
 
@@ -353,8 +353,8 @@ def _rubbed_by_scipy(simulator, outside, depth, room, friction, push):
                  [-36, -3 * h, 36, -3 * h], [3 * h, -h**2, -3 * h, 4 * h**2]])
             slope[[2 * e + 1, 2 * e + 3]] += stiffness * natural * np.array([1, -1])
         slope[::2] -= inside.load[:, 1 + axis]
-        stiff[:2, :2] += inside.mouth[np.ix_(keep, keep)]
-        slope[:2] -= (inside.mouth @ inside.pushed)[keep] * push
+        stiff[:2, :2] += inside.entrance[np.ix_(keep, keep)]
+        slope[:2] -= (inside.entrance @ inside.pushed)[keep] * push
         # a quadratic program within |deflection| <= room, as least squares in scaled unknowns; of a
         # beam that buckles in steps that are each convex
         size = 1 / np.sqrt(np.diag(stiff))

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Pose
-from dlo_planner.inverse.continuation import Family, Passing
+from dlo_planner.inverse.continuation import BranchPoint, SolutionBranch
 from dlo_planner.inverse.equilibria import Crossings
 from dlo_planner.inverse.route import Route, find_route
 from dlo_planner.inverse.tasks.thread import even_rolls
@@ -22,12 +22,12 @@ def turned(angle):
     return Rotation.from_rotvec(angle * AXIS).as_matrix()
 
 
-def passing(angle, place=(0.0, 0.0, 0.0), length=1.0):
+def branch_point(angle, place=(0.0, 0.0, 0.0), length=1.0):
     gripper = SimpleNamespace(rotation=turned(angle), position=np.array(place))
-    return Passing(SimpleNamespace(gripper=gripper, s=np.array([0.0, length])))
+    return BranchPoint(SimpleNamespace(gripper=gripper, s=np.array([0.0, length])))
 
 
-class Turning(Family):
+class Turning(SolutionBranch):
     """A task whose gripper is turned by a given function of the depth, and by its rolls."""
 
     def __init__(self, angle, length=1.0):
@@ -45,13 +45,13 @@ class Turning(Family):
         if angle is None:
             return None
         self.rolled += roll
-        return passing(angle + self.rolled, length=self.simulator.rod.length)
+        return branch_point(angle + self.rolled, length=self.simulator.rod.length)
 
 
 @pytest.mark.parametrize('goal', [0.5, -0.5])
 def test_smooth_ways_are_followed_to_their_end(goal):
     task = Turning(lambda depth: 4.0 * depth)
-    here, depth, too_far, _ = task.follow(passing(0.0), 0.0, goal)
+    here, depth, too_far, _ = task.follow(branch_point(0.0), 0.0, goal)
     assert depth == goal == task.depths[-1] and too_far == 0.0
     assert np.abs(np.diff([0.0, *task.depths])).max() <= 1 / 16 + 1e-12
     np.testing.assert_allclose(here.shape.gripper.rotation, turned(4.0 * goal))
@@ -60,14 +60,14 @@ def test_smooth_ways_are_followed_to_their_end(goal):
 @pytest.mark.parametrize('length', [1.0, 7.0])
 def test_a_fold_is_not_leapt_over(length):
     task = Turning(lambda depth: 0.0 if depth <= 0.3 * length else 1.0, length)
-    here, depth, too_far, _ = task.follow(passing(0.0, length=length), 0.0, 0.9 * length)
+    here, depth, too_far, _ = task.follow(branch_point(0.0, length=length), 0.0, 0.9 * length)
     assert here is None and depth == pytest.approx(0.3 * length, abs=2e-3 * length)
     assert too_far == pytest.approx((1.0 - largest_turn(0.0)) * length, rel=0.02)
 
 
 def test_where_nothing_is_found_it_ends_there():
     task = Turning(lambda depth: None if depth > 0.3 else 0.0)
-    here, depth, too_far, _ = task.follow(passing(0.0), 0.0, 0.9)
+    here, depth, too_far, _ = task.follow(branch_point(0.0), 0.0, 0.9)
     assert here is None and too_far == 0.0 and 0.297 < depth <= 0.3
 
 
@@ -75,14 +75,14 @@ def test_where_nothing_is_found_it_ends_there():
 def test_a_route_is_followed_by_rolls_that_are_no_leaps(goal):
     depths = np.linspace(0.0, goal, 13)
     route = Route(depths, np.array([turned(2.0 * abs(d)) for d in depths]), np.eye(3), 1.0, True)
-    task, here, depth = Turning(lambda depth: 0.0), passing(0.0), 0.0
+    task, here, depth = Turning(lambda depth: 0.0), branch_point(0.0), 0.0
     for wanted in np.linspace(0.0, goal, 61)[1:]:
         roll = route.roll(task, here, depth, wanted)
         assert 0 <= roll <= 0.5 * largest_turn(wanted - depth) + 1e-12
         here, depth, *_ = task.follow(here, depth, wanted, route)
         assert abs(task.rolled - 2.0 * abs(wanted)) < 0.15
     far = Route(np.zeros(1), np.array([turned(-3.0)]), np.eye(3), 1.0, True)
-    assert far.roll(task, passing(0.0), 0.0, 0.01) == pytest.approx(-0.5 * largest_turn(0.01))
+    assert far.roll(task, branch_point(0.0), 0.0, 0.01) == pytest.approx(-0.5 * largest_turn(0.01))
 
 
 def curve(angles, stability=1.0, place=0.0):

@@ -20,7 +20,7 @@ from dlo_planner import (
     Trajectory,
     replay,
 )
-from dlo_planner.inverse.continuation import Aligned, Passing
+from dlo_planner.inverse.continuation import Aligned, BranchPoint
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.tasks import PlanStatus
 
@@ -241,8 +241,8 @@ def test_plans_are_the_same_with_fewer_steps(options, bent, monkeypatch):
     rod = Rod(1.0, 0.1, (0.3, 0.5), 0.4, natural_curvature=bent)
     inverse, depths = InverseSimulator(DirectSimulator(rod, **options)), np.linspace(0, 0.8, 41)
     ahead = inverse.thread(AHEAD, depths=depths)
-    monkeypatch.setattr(Passing, 'trend', lambda passing, depth: None)
-    monkeypatch.setattr(Aligned, 'onward', lambda *_: [])  # it knows of trends by itself
+    monkeypatch.setattr(BranchPoint, 'trend', lambda branch_point, depth: None)
+    monkeypatch.setattr(Aligned, 'batch_ahead', lambda *_: [])  # it knows of trends by itself
     from_before = inverse.thread(AHEAD, depths=depths)
     for one, other in zip(ahead.grippers, from_before.grippers, strict=True):
         np.testing.assert_allclose(one.matrix, other.matrix, atol=1e-9)

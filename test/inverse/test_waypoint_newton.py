@@ -11,7 +11,7 @@ from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import kernel_arrays
 from dlo_planner.inverse import waypoint_newton
-from dlo_planner.inverse.continuation import Aligned, Passing, TwoPoints
+from dlo_planner.inverse.continuation import Aligned, BranchPoint, TwoPoints
 from dlo_planner.inverse.waypoint_newton import follow, free_axis, goal_shape
 from dlo_planner.model.pose import displaced, turned_by
 from dlo_planner.penalties import DirectionAt, PositionAt, Through
@@ -133,7 +133,7 @@ def test_two_points_are_passed_by_an_equilibrium(options, roll):
     simulator, shape = hanging(RODS[0], options)
     chord = 0.97 * (shape.frame_at(0.8)[1] - shape.frame_at(0.35)[1]) + [0.01, -0.02, 0.015]
     two = TwoPoints(simulator, chord)
-    before = Passing(shape, (0.8,), depth=0.65)
+    before = BranchPoint(shape, (0.8,), depth=0.65)
     found = two.at(before, 0.65, roll)
     passed = found.shape.frame_at(found.further[0])[1] - found.shape.frame_at(0.35)[1]
     np.testing.assert_allclose(passed, chord, atol=2e-10)
@@ -147,7 +147,7 @@ def test_two_points_are_passed_by_an_equilibrium(options, roll):
 
 def test_what_cannot_be_passed_is_told():
     simulator, shape = hanging(RODS[0], OPTIONS[0])
-    before = Passing(shape, (0.8,), depth=0.65)
+    before = BranchPoint(shape, (0.8,), depth=0.65)
     assert TwoPoints(simulator, np.array([0.9, 0.0, 0.0])).at(before, 0.65) is None
     just_too_short = TwoPoints(simulator, np.array([0.7, 0.0, 0.3]))
     assert just_too_short.at(before, 0.65) is None

@@ -141,7 +141,7 @@ def test_a_closed_loop_leads_the_arm_within_the_limits_and_threads(proved, worke
     assert cell.health.report()[2]['corrections'] >= 1
     center, *_ = proved.planned.plan.via_points[-1][0]
     off = np.linalg.norm(Through(center).residuals(cell.truth.shape(cell.arm.pose(cell.joints))))
-    assert off < cell.store.state.looking.promised < HOLE.radius
+    assert off < cell.store.state.looking.miss_bound_95 < HOLE.radius
     assert not cell.controller.refused
 
 

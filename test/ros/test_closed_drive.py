@@ -139,11 +139,11 @@ def test_it_looks_goes_looks_again_and_threads_within_its_limits(proved, worker)
     assert cell.phases == [*motion, *motion, 'succeeded']  # from the start, from the standoff
     assert cell.part() < 1.001
     assert cell.health.report()[2]['corrections'] >= 1
-    assert cell.state.looking.promised < HOLE.radius
+    assert cell.state.looking.miss_bound_95 < HOLE.radius
     plan = proved.planned.plan
     center, *_ = plan.via_points[-1][0]
     off = np.linalg.norm(Through(center).residuals(cell.truth.shape(cell.here)))
-    assert off < cell.state.looking.promised
+    assert off < cell.state.looking.miss_bound_95
     assert cell.state.planned is proved.planned  # it was executed to its end
 
 
@@ -273,7 +273,7 @@ def test_a_contact_is_held_in_a_loop_that_looks_until_it_is_touched(worker):
     assert shape.contacts
     axes, place = shape.frame_at(0.2)
     off = axes[:, 1:].T @ (place - ON_BAR.position - (0, 0, WIRE.radius))  # across it
-    assert np.linalg.norm(off) < cell.state.looking.promised < 3e-3
+    assert np.linalg.norm(off) < cell.state.looking.miss_bound_95 < 3e-3
     for other in (task, SlideContact(ON_BAR, [0.2, 0.21])):
         silent = replace(state.planned, task=other, scene=Scene.of(VALUES))
         seen = DloEstimator(scene.direct, scene.seeing)

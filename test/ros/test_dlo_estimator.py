@@ -99,9 +99,9 @@ def test_between_two_poses_a_gripper_is_where_it_was_between(rng):
     there = Pose(START.position + (0, 0.025 * 0.3, 0), START.quaternion)
     points = truth.seen(rng, there).points
     assert out.look(0.3, points).looks == 1  # 7.5 mm off it would not agree
-    assert out.surprise < 0.5
+    assert out.normalized_innovation < 0.5
     out.look(0.01, points)
-    assert out.surprise > 1
+    assert out.normalized_innovation > 1
 
 
 def test_a_cloud_waits_for_the_next_pose_of_a_gripper_that_moves(rng):
@@ -175,10 +175,10 @@ def test_all_points_of_a_late_cloud_are_off_together(rng):
     late = 0.1 * SEEING.stamps
     moving.look(0.5, points)
     moving.look(0.7, points + (0, 0.02 + late, 0))
-    assert moving.surprise < 1
+    assert moving.normalized_innovation < 1
     mixed = points + (0, 0.02, 0) + 2 * late * np.sign(rng.normal(size=(len(points), 1)))
     moving.look(0.9, mixed + (0, 0.02, 0))
-    assert moving.surprise > 1
+    assert moving.normalized_innovation > 1
 
 
 def test_looks_that_disagree_are_not_believed_and_two_are_a_doubt(rng):
@@ -189,22 +189,22 @@ def test_looks_that_disagree_are_not_believed_and_two_are_a_doubt(rng):
         Pose((0, 0, 0), (0, np.sin(0.006), 0, np.cos(0.006)))))
     shape = slipped.shape(START)
     for k in range(2):
-        assert not out.doubted
+        assert not out.inconsistent
         out.look(5.0 + 0.2 * k, slipped.seen(rng, START, shape=shape, outliers=0).points)
         assert out.estimate is known
-        assert out.surprise > 1
+        assert out.normalized_innovation > 1
         assert out.seen == seen
-    assert out.doubted
+    assert out.inconsistent
     for k in range(7):  # it was something else
-        assert out.doubted
+        assert out.inconsistent
         out.look(6.0 + 0.1 * k, truth.seen(rng, START).points)
-    assert not out.doubted
-    out.reopen(6.9)
+    assert not out.inconsistent
+    out.inflate_covariance(6.9)
     out.look(6.8, truth.seen(rng, START).points)
     assert out.looked == -np.inf  # of before it may tell of a vibration, and of nothing else
     for k in range(6):
         out.look(7.0 + 0.2 * k, slipped.seen(rng, START, shape=shape).points)
-        assert not out.doubted
+        assert not out.inconsistent
     assert np.abs(out.estimate.shape(START).positions_at(np.linspace(0, 0.99, 9))
                   - shape.positions_at(np.linspace(0, 0.99, 9))).max() < 3e-3
 
@@ -215,8 +215,8 @@ def test_one_look_that_no_chance_explains_is_a_doubt(rng):
     slipped = replace(truth, offset=truth.offset.compose(
         Pose((0, 0, 0), (0, np.sin(0.05), 0, np.cos(0.05)))))
     out.look(5.0, slipped.seen(rng, START, outliers=0).points)
-    assert out.surprise > 10
-    assert out.doubted
+    assert out.normalized_innovation > 10
+    assert out.inconsistent
 
 
 def test_a_dlo_in_motion_is_expected_where_inertia_bends_it(rng):
@@ -244,7 +244,7 @@ def test_a_dlo_in_motion_is_expected_where_inertia_bends_it(rng):
             out.moves(swing, lambda stamp: stamp)
         seen = motion.shapes[k].positions_at(np.linspace(0.05, 1, 40))
         out.look(times[k], seen + 3e-4 * rng.normal(size=seen.shape))
-        assert out.surprise < 1
+        assert out.normalized_innovation < 1
         return np.linalg.det(out.estimate.covariance)
 
     assert looked_once(True) < 0.1 * looked_once(False)  # what is not known may be anything
@@ -375,15 +375,15 @@ def test_a_cutout_that_moves_is_a_doubt_and_is_followed_once_that_is_looked_into
     for _ in range(20):
         out.hole(stated, stated)
     out.hole(stated, stated + moved)
-    assert not out.doubted  # one is left to chance
+    assert not out.inconsistent  # one is left to chance
     for _ in range(looks - 1):
         out.hole(stated, stated + moved)
-    assert out.doubted
-    out.reopen()
-    assert not out.doubted
+    assert out.inconsistent
+    out.inflate_covariance()
+    assert not out.inconsistent
     for _ in range(20):
         out.hole(stated, stated + moved)
-    assert not out.doubted
+    assert not out.inconsistent
     center = out.estimate.center(stated) + out.estimate.camera_bias
     np.testing.assert_allclose(center, stated + moved, atol=2e-4)
 

@@ -105,6 +105,17 @@ def test_planning_has_a_deadline(inside, node, long_plan):
     assert 'threading.planning_deadline = 0.2 s' in message
 
 
+def test_compiling_counts_for_no_deadline(inside, node, long_plan):
+    assert inside.set_parameters(threading__planning_deadline=0.2)[0].successful
+    node.loading.set()
+    inside.send_goal(GOAL)
+    assert until(lambda: node.planning_server._job is not None)
+    assert not until(lambda: node.planning_server._job is None, 1.0)
+    node.loading.clear()
+    code, message, _ = inside.status_of('task_goal')
+    assert code == Cause.PLANNING_DEADLINE and 'threading.planning_deadline = 0.2 s' in message
+
+
 def test_a_plan_of_a_scene_that_changed_meanwhile_is_refused(inside, node, held_plan):
     begun, go = held_plan
     inside.send_goal(GOAL)

@@ -44,7 +44,8 @@ def test_a_fixture_of_fifty_thousand_triangles(tmp_path):
     found = read(tmp_path, 'fixture.stl', stl(vertices, faces), friction=0.3)
     one = found['fixture']
     assert isinstance(one, Mesh) and len(one.faces) == 50_000 and one.smooth
-    assert one.friction == 0.3 and ASSUMED in found.notes[0] and len(found.notes) == 1
+    assert one.friction == 0.3 and ASSUMED in found.notes[0]
+    assert len(found.notes) == 2 and 'holes through it' in found.notes[1]
     np.testing.assert_allclose(np.ptp(one.vertices, axis=0), (0.24, 0.24, 0.04), rtol=1e-3)
 
 
@@ -84,8 +85,8 @@ def test_files_that_state_their_unit(tmp_path):
     scene.add_geometry(trimesh.Trimesh(*block((0.1, 0.2, 0.3))), node_name='post', transform=turn)
     found = read(tmp_path, 'cell.glb', scene.export(file_type='glb'))
     assert {one.name for one in found.obstacles} == {'ring', 'post'}
-    note, = found.notes
-    assert 'in glTF y leads upwards' in note
+    note, other = found.notes
+    assert 'in glTF y leads upwards' in note and other.startswith("'ring': holes through it")
     numbers = [float(one) for one in re.search(r'pose of (\S+)', note)[1].split(',')]
     up = Pose(numbers[:3], numbers[3:]).rotation @ (0, 1, 0)
     np.testing.assert_allclose(up, (0, 0, 1), atol=1e-5)
@@ -136,6 +137,14 @@ def test_where_a_file_stands(tmp_path):
     pose = Pose.looking_along((0.4, 0, 1), (0, 1, 0))
     found = read(tmp_path, 'it.stl', stl(*block((10, 20, 30), (5, 0, 0))), pose=pose)
     np.testing.assert_allclose(found['it'].pose.position, (0.4, 0.005, 1.0), atol=1e-9)
+
+
+def test_a_hole_that_is_no_cutout_is_said(tmp_path):
+    disc, hole = circle(100, 64), circle(14, 32)
+    found = read(tmp_path, 'disc.stl', stl(*plate(disc, [hole], 4, step=20)), unit='mm')
+    assert not found.cutouts
+    assert [note[:29] for note in found.notes] == ["'disc': holes through it, but"]
+    assert not read(tmp_path, 'full.stl', stl(*plate(disc, [], 4, step=20)), unit='mm').notes
 
 
 @pytest.mark.parametrize(('name', 'content', 'said'), [

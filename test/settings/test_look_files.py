@@ -131,14 +131,12 @@ def test_pixels_of_a_photograph_are_places_beside_its_gripper(tmp_path):
         pixels = np.column_stack([u + points[:, 0] / size, v - (points[:, 2] - 1.0) / size])
         np.savetxt(tmp_path / name, pixels, delimiter=',', header='u,v', comments='')
     paths, pictures = [tmp_path / 'one.csv', tmp_path / 'other.csv'], [Photograph(u, v, size)]
-    with pytest.warns(DoubtfulInput, match='without y, which counts as not measured'):
-        one, other = read_observations(paths, [LEVEL] * 2, photographs=pictures)
+    one, other = read_observations(paths, [LEVEL] * 2, photographs=pictures)  # without a warning
     np.testing.assert_allclose(one.points[:, [0, 2]], POINTS[:, [0, 2]], atol=1e-12)
     np.testing.assert_array_equal(one.normal, [0, 1, 0])
     np.testing.assert_allclose(other.points[:, 2] - one.points[:, 2], 0.1, atol=1e-12)
-    with pytest.warns(DoubtfulInput, match='without y'):
-        one, other = read_observations(paths, [LEVEL] * 2, photographs=[
-            *pictures, Photograph(u, v, 2 * size)])
+    one, other = read_observations(paths, [LEVEL] * 2, photographs=[
+        *pictures, Photograph(u, v, 2 * size)])
     np.testing.assert_allclose(other.points[:, 0], 2 * (POINTS[:, 0] + 0.1), atol=1e-12)
     for wrong in ([], 3 * pictures):
         with pytest.raises(InvalidTask, match=r'--pixels was given [03] times: .* each of the 2'):

@@ -27,7 +27,7 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.direct.shape import UNKNOWN
-from dlo_planner.inverse.contact_family import STABLE
+from dlo_planner.inverse.contact_branch import STABLE
 from dlo_planner.model.rod import part_of_rod
 from sweeps import MASS, Outcome, random_rod, timed
 from sweeps.cutouts import MESHES
@@ -95,7 +95,7 @@ def distance(obstacle, x):
     return np.linalg.norm(np.maximum(beyond, 0), axis=1) + np.minimum(beyond.max(axis=1), 0)
 
 
-def family(rod, contact, s, forces):
+def branch(rod, contact, s, forces):
     """Return nodes (n,), strains (k, n - 1, 3), frames (k, n, 3, 3), positions (k, n, 3).
 
     Args:
@@ -165,7 +165,7 @@ def scan(direct, contact, s, below=np.inf, decades=8, per_decade=10, stable=1e-3
     scale = 9.81 * (rod.mass_per_length + rod.tip_mass) + min(rod.bending_stiffness)
     forces = scale * np.logspace(-3, decades - 3, decades * per_decade)
     with np.errstate(all='ignore'):  # enormous forces end in nothing
-        nodes, strains, frames, positions = family(rod, contact, s, forces)
+        nodes, strains, frames, positions = branch(rod, contact, s, forces)
         better = energies(rod, nodes, strains) < below
     template, found = direct.solve(Pose.identity()), []
     for k in np.flatnonzero(better & np.isfinite(positions).all(axis=(1, 2))):

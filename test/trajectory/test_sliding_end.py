@@ -56,11 +56,11 @@ def moved(rod, slower=1.0):
 def test_the_gripper_accelerates_all_of_the_mass():
     rod = replace(WEIGHTED, tip_mass=0.03)
     direct = DirectSimulator(rod, gravity=(0, 0, 0))
-    mouth, rate = Pose((1.0, 0, 0), (0, 0, 0, 1)), 0.5
+    entrance, rate = Pose((1.0, 0, 0), (0, 0, 0, 1)), 0.5
     times = np.linspace(0, 1.2, 61)
     depths = 0.5 * rate * times**2
     grippers = [Pose((depth, 0, 0), (0, 0, 0, 1)) for depth in depths]
-    feed = Feed(direct, mouth, times, depths, np.zeros(times.size))
+    feed = Feed(direct, entrance, times, depths, np.zeros(times.size))
     outside = pushed(feed, Instants(grippers, times, times[1]), direct.solve(grippers[0]), None,
                      Progress())
     assert outside.converged and outside.shapes[-1].s[-1] < 0.7
@@ -109,12 +109,12 @@ def test_a_dlo_that_comes_in_on_finer_elements_is_not_torn_to_where_its_end_was_
     wavy = replace(WIRE, damping=0.0, natural_curvature=lambda s: (0.5 * np.sin(10 * s), 0.1))
     direct, finer = DirectSimulator(wavy), DirectSimulator(wavy, n_elements=128, basis='local')
     hanging = finer.solve(Pose((-0.8, 0, 1.2), (0, 0, 0, 1)))
-    mouth = Pose.from_rotation(hanging.positions[-1], hanging.frames[-1])
-    feed = Feed(direct, mouth, np.linspace(0, 0.2, 6), np.zeros(6), np.zeros(6))
+    entrance = Pose.from_rotation(hanging.positions[-1], hanging.frames[-1])
+    feed = Feed(direct, entrance, np.linspace(0, 0.2, 6), np.zeros(6), np.zeros(6))
     outside = pushed(feed, Instants([hanging.gripper] * 6, np.zeros(6), 0.04), hanging,
                      np.zeros((129, 3)), Progress())
     assert outside.converged
-    assert np.linalg.norm(outside.shapes[-1].positions[-1] - mouth.position) < 1e-5
+    assert np.linalg.norm(outside.shapes[-1].positions[-1] - entrance.position) < 1e-5
 
 
 def test_what_is_outside_keeps_away_from_obstacles():

@@ -28,11 +28,11 @@ from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
 from dlo_planner.inverse.continuation import (
+    BranchPoint,
     Follower,
     GivenPoses,
-    Passing,
     Step,
-    continue_family,
+    continue_branch,
 )
 from dlo_planner.inverse.equilibria import least_turn
 from dlo_planner.inverse.held_inside import HeldInside, front_of
@@ -99,14 +99,14 @@ def _from_behind(simulator: DirectSimulator, task: Approach, start: Pose, initia
         stations[-1] = (stations[-1][0], hole)
     stations += [(pose, 0.0) for pose in entering[1:]]
     stations[-1] = (stations[-1][0], hole)
-    family = _Coming(simulator, cutout, stations, demands.surface.bound, first)
+    branch = _Coming(simulator, cutout, stations, demands.surface.bound, first)
     builder = PlanBuilder(np.zeros(len(stations)), demands, _WHAT, stops=(stop,))
     holes = Holes([cutout], length, demands.obstacles, demands.surface)
 
-    def waypoint(passing: Passing) -> Waypoint:
-        return holes.passed(Waypoint(passing.shape))
+    def waypoint(point: BranchPoint) -> Waypoint:
+        return holes.passed(Waypoint(point.shape))
 
-    continue_family(builder, Follower(family, family.first(initial), 0.0,
+    continue_branch(builder, Follower(branch, branch.first(initial), 0.0,
                                       np.arange(len(stations), dtype=float)), waypoint)
     return builder.finished()
 
@@ -120,22 +120,22 @@ class _Coming(GivenPoses):
         self._cutout, self._rooms, self._radius = cutout, [room for _, room in stations], radius
         self._end = end
 
-    def least(self, passing: Passing) -> float:
+    def least(self, point: BranchPoint) -> float:
         """Return how far (m) the DLO has to be behind the sheet."""
-        return self._rooms[int(passing.depth)]
+        return self._rooms[int(point.depth)]
 
-    def room(self, passing: Passing) -> float:
+    def room(self, point: BranchPoint) -> float:
         """Return how far (m) it is."""
-        away = self._cutout.center - passing.shape.positions
+        away = self._cutout.center - point.shape.positions
         return float((away @ self._cutout.normal).min()) - self._radius
 
-    def refusal(self, builder: PlanBuilder, before: Passing | None,
+    def refusal(self, builder: PlanBuilder, before: BranchPoint | None,
                 step: Step) -> Infeasible | None:
         """Return why the DLO does not follow, comes too near or ends in another shape, or None."""
         refused = super().refusal(builder, before, step)
-        if refused is not None or step.passing is None:
+        if refused is not None or step.point is None:
             return refused
-        room, least, shape = self.room(step.passing), self.least(step.passing), step.passing.shape
+        room, least, shape = self.room(step.point), self.least(step.point), step.point.shape
         if room < least:
             return builder.refusal('clearance', least - room, 'the DLO is not behind the sheet'
                                    if room < 0 else

@@ -73,7 +73,7 @@ class Carry(Task):
         What else goes along, each as it holds then: the same places, in the same grips. Holds that
         are not listed stand still.
     far_end : FarEnd or None
-        What holds the far end at the beginning. If None, that is told by `holds`, or by `initial`.
+        What holds the far end at the beginning. If None, `holds` or `initial` say it.
     holds : tuple of Hold
         What else holds the DLO at the beginning.
     max_force : float or None

@@ -3,7 +3,7 @@
 """Keeping contact with an obstacle (paper, section 5.3, Fig. 15, 16).
 
 Arc length, place and direction at the contact leave the force of contact free: a curve of gripper
-poses and shapes (`inverse.contact_family`). A condition chooses from what is admissible of it, and
+poses and shapes (`inverse.contact_branch`). A condition chooses from what is admissible of it, and
 the direct simulation confirms what is chosen. A scan over the decades of the force finds where a
 hold or a slide begins; a slide then follows the condition's minimum from one arc length to the
 next.
@@ -26,8 +26,14 @@ from scipy.optimize import minimize_scalar
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.contact_family import STABLE, ContactFamily
-from dlo_planner.inverse.continuation import Family, Follower, Passing, Step, continue_family
+from dlo_planner.inverse.contact_branch import STABLE, ContactBranch
+from dlo_planner.inverse.continuation import (
+    BranchPoint,
+    Follower,
+    SolutionBranch,
+    Step,
+    continue_branch,
+)
 from dlo_planner.inverse.task import MOST, PlanContext, Task
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, number, row
@@ -65,7 +71,7 @@ class ContactProblem:
     """One contact task at one arc length: the forces that keep all demands."""
 
     simulator: DirectSimulator
-    family: ContactFamily  # a quick one, on a coarse mesh
+    branch: ContactBranch  # a quick one, on a coarse mesh
     contact: Pose  # on the obstacle's surface: x axis along the DLO, z axis outwards
     demands: PlanChecker  # what the plan has to keep, the least force of the contact among it
     forces: Floats | None = None  # (n,) the only ones, N; None: all
@@ -74,67 +80,67 @@ class ContactProblem:
     def at(cls, simulator: DirectSimulator, task: HoldContact | SlideContact, s: float,
            demands: PlanChecker) -> Self:
         """Return the problem of a task at the arc length `s`, m."""
-        family = _family(simulator, task.contact, s, demands)
-        least = PRESSED * family.scale[0] if task.min_force is None else task.min_force
-        return cls(simulator, family, task.contact,
-                   replace(demands, min_force=least, pressed=family.obstacle), task.forces)
+        branch = _branch(simulator, task.contact, s, demands)
+        least = PRESSED * branch.scale[0] if task.min_force is None else task.min_force
+        return cls(simulator, branch, task.contact,
+                   replace(demands, min_force=least, pressed=branch.obstacle), task.forces)
 
     def moved(self, s: float) -> Self:
         """Return the same problem at another arc length, m."""
-        return replace(self, family=_family(self.simulator, self.contact, s, self.demands))
+        return replace(self, branch=_branch(self.simulator, self.contact, s, self.demands))
 
     @property
     def s(self) -> float:
         """Arc length of the contact, m."""
-        return self.family.s
+        return self.branch.s
 
     def merit(self, force: float) -> float:
         """Return a number that is positive if this force keeps all demands."""
-        merit = self.family.merit(force)
+        merit = self.branch.merit(force)
         if merit <= 0:
             return merit
-        broken = self.demands.violation(self.waypoint(self.family.shape(force)))
+        broken = self.demands.violation(self.waypoint(self.branch.shape(force)))
         return merit if broken is None else broken.room
 
     def waypoint(self, shape: Shape) -> Waypoint:
         """Return the Waypoint of a Shape."""
-        return waypoint_at(shape, self.family.place, self.s, self.family.frame[:, 0])
+        return waypoint_at(shape, self.branch.place, self.s, self.branch.frame[:, 0])
 
     def force_of(self, shape: Shape, s: float) -> float:
         """Return the force of the contact of a Shape at the arc length `s` in m, N."""
         return float(sum(one.force for one in shape.contacts
-                         if one.obstacle == self.family.obstacle
+                         if one.obstacle == self.branch.obstacle
                          and abs(one.s - s) < _NEAR * shape.s[-1]))
 
     def cost(self, condition: str, start: Pose | None) -> Cost:
         """Return the function of the force that a condition of CONDITIONS minimizes."""
-        family = self.family
+        branch = self.branch
         if condition == 'least_force':
             return lambda force: force
         if condition == 'least_motion' and start is not None:
             length = self.simulator.rod.length
-            return lambda force: _away(family.hanging(force)[1], start, length)
-        others = any(k != family.obstacle for k in range(len(self.simulator.obstacles)))
+            return lambda force: _away(branch.hanging(force)[1], start, length)
+        others = any(k != branch.obstacle for k in range(len(self.simulator.obstacles)))
         if condition == 'largest_clearance' and others:
-            return lambda force: -family.gap(family.shape(force), others=True)
-        return family.elastic_energy
+            return lambda force: -branch.gap(branch.shape(force), others=True)
+        return branch.elastic_energy
 
     def minima(self, cost: Cost) -> list[tuple[float, float]]:
         """Return [(cost, force)] of the local minima among admissible forces, best first."""
-        family, found = self.family, list[tuple[float, float]]()
+        branch, found = self.branch, list[tuple[float, float]]()
         for _ in range(2):
             found = self._minima(cost)
-            best = family.most_stable()
+            best = branch.most_stable()
             if found or best is None or not HARDLY_STABLE < best.stability <= STABLE:
                 break
-            family.stable = 0.5 * best.stability
+            branch.stable = 0.5 * best.stability
         unit = _ALIKE * max((abs(one) for one, _ in found), default=0.0) or 1.0
         return sorted(found, key=lambda one: (round(one[0] / unit), one[1]))
 
     def _minima(self, cost: Cost) -> list[tuple[float, float]]:
         if self.forces is not None:
             return [(cost(one), one) for one in self.forces.tolist() if self.merit(one) > 0]
-        least, most = LEAST_FORCE * self.family.scale[0], MOST_FORCE * self.family.scale[1]
+        least, most = LEAST_FORCE * self.branch.scale[0], MOST_FORCE * self.branch.scale[1]
         number = int(np.ceil(_PER_DECADE * np.log10(most / least))) + 2
         forces = np.geomspace(least, most, number).tolist()
         merits = [self.merit(force) for force in forces]
@@ -192,7 +198,7 @@ class ContactProblem:
             guess = guess.resample(min((elements, elements + 1),
                                        key=lambda count: abs(count * place % 1 - 0.5)))
         shape = self._reached(guess)
-        off = np.linalg.norm(shape.frame_at(self.s)[1] - self.family.place)
+        off = np.linalg.norm(shape.frame_at(self.s)[1] - self.branch.place)
         same = (abs(self.force_of(shape, self.s) - force) <= _SAME_FORCE * force
                 and off <= _SAME_PLACE * shape.s[-1])
         kept = shape.converged and same and self.demands.violation(self.waypoint(shape)) is None
@@ -237,12 +243,12 @@ class ContactProblem:
         if found is None:
             return []
         ways = []
-        for end in (LEAST_FORCE * self.family.scale[0], MOST_FORCE * self.family.scale[1]):
+        for end in (LEAST_FORCE * self.branch.scale[0], MOST_FORCE * self.branch.scale[1]):
             (at, shape), way, target = found, list[Shape](), end
             while abs(np.log(target / at)) > _FORCE_ERROR:
                 near = abs(np.log(target / at)) < np.log(10) / _PER_DECADE  # no gap between
                 other = self._admissible(target) if near and gripper_motion(
-                    shape.gripper, self.family.hanging(target)[1], shape.s[-1]) <= _PACE else None
+                    shape.gripper, self.branch.hanging(target)[1], shape.s[-1]) <= _PACE else None
                 if other is None:
                     target = float(np.sqrt(at * target))
                 else:
@@ -254,7 +260,7 @@ class ContactProblem:
     def _guess(self, force: float) -> Shape:
         """Return the Shape with this force on a mesh as fine as the simulator's."""
         own, accuracy = self.simulator.mesh, self.simulator.accuracy
-        shape = self.family.shape(force)
+        shape = self.branch.shape(force)
         elements = shape.s.size - 1
         finer_elements = own.s.size - 1
         samples = np.linspace(0, shape.s[-1], 9)
@@ -263,9 +269,9 @@ class ContactProblem:
                 finer_elements = min(2 * elements, _MOST_ELEMENTS)
             if finer_elements == elements:
                 return shape
-            family = ContactFamily(self.simulator, self.contact, self.s,
+            branch = ContactBranch(self.simulator, self.contact, self.s,
                                    self.demands.progress.check, finer_elements)
-            finer = family.shape(force)
+            finer = branch.shape(force)
             moved = np.abs(finer.positions_at(samples) - shape.positions_at(samples)).max()
             shape, elements = finer, finer_elements
             if accuracy is not None and moved < 0.2 * accuracy:
@@ -273,29 +279,29 @@ class ContactProblem:
 
     def refusal(self, builder: PlanBuilder) -> Infeasible:
         """Return Infeasible, with the reason against the best of the examined shapes."""
-        family = self.family
-        good = [force for force in family.known if family.merit(force) > 0]
+        branch = self.branch
+        good = [force for force in branch.known if branch.merit(force) > 0]
         if good:
-            broken = (self.demands.violation(self.waypoint(family.shape(force)))
+            broken = (self.demands.violation(self.waypoint(branch.shape(force)))
                       for force in good)
             best = max((one for one in broken if one is not None), key=lambda one: one.room)
             return builder.refusal(best.name, -best.room, f'none of {len(good)} contact forces is '
                                    f'admissible; with the best of them, {best.message}', best.unit)
-        looked = (f'no contact force of {min(family.known):.3g} to {max(family.known):.3g} N keeps '
+        looked = (f'no contact force of {min(branch.known):.3g} to {max(branch.known):.3g} N keeps '
                   f'the DLO touching at s = {self.s:g} m')
-        stable = family.most_stable()
+        stable = branch.most_stable()
         if stable is None:
-            least = min(family.shape(force).violation for force in family.known)
+            least = min(branch.shape(force).violation for force in branch.known)
             return builder.refusal('contact', least, f'{looked}: with each of them it would be in '
                                    f'an obstacle, by {least:.3g} m at least')
         return builder.refusal(
-            'contact', family.stable - stable.stability, f'{looked} in a stable shape: the best '
-            f'one has a stability of {stable.stability:.3g}, at least {family.stable:.3g} is '
+            'contact', branch.stable - stable.stability, f'{looked} in a stable shape: the best '
+            f'one has a stability of {stable.stability:.3g}, at least {branch.stable:.3g} is '
             'required', '')
 
     def unconfirmed(self, builder: PlanBuilder) -> Infeasible:
         """Return Infeasible because the direct simulation confirms no admissible force."""
-        best = max((shape for force, shape in self.family.known.items() if self.merit(force) > 0),
+        best = max((shape for force, shape in self.branch.known.items() if self.merit(force) > 0),
                    key=lambda shape: shape.stability)
         reached = self._reached(best)
         inexact = refusal_for_accuracy(self.simulator, builder, reached)
@@ -310,10 +316,10 @@ class ContactProblem:
                                broken.unit)
 
 
-def _family(simulator: DirectSimulator, contact: Pose, s: float,
-            demands: PlanChecker) -> ContactFamily:
+def _branch(simulator: DirectSimulator, contact: Pose, s: float,
+            demands: PlanChecker) -> ContactBranch:
     elements = min(max(simulator.mesh.s.size - 1, 8), 2 * _ELEMENTS)
-    return ContactFamily(simulator, contact, s, demands.progress.check, elements)
+    return ContactBranch(simulator, contact, s, demands.progress.check, elements)
 
 
 def _chosen(problem: ContactProblem, condition: str, start: Pose | None,
@@ -339,7 +345,7 @@ def _away(gripper: Pose, before: Pose, length: float) -> float:
     return float(shift @ shift + turn)
 
 
-class AlignedSlide(Family):
+class AlignedSlide(SolutionBranch):
     """The shapes that touch at s = L - depth; a condition chooses the force."""
 
     what = 'that touch there'
@@ -347,28 +353,28 @@ class AlignedSlide(Family):
     def __init__(self, problem: ContactProblem, condition: str) -> None:
         self.simulator, self.problem, self.condition = problem.simulator, problem, condition
 
-    def at(self, before: Passing, depth: float, roll: float = 0.0,
-           final: bool = False) -> Passing | None:
-        """Return the Passing with the force that is the condition's minimum nearest to `before`."""
+    def at(self, before: BranchPoint, depth: float, roll: float = 0.0,
+           final: bool = False) -> BranchPoint | None:
+        """Return the BranchPoint at the condition's minimum over the force, nearest to `before`."""
         del roll
         if depth == before.depth:
             return before
         problem = self.problem.moved(self.simulator.rod.length - depth)
-        problem.family.stable = float(np.clip(0.5 * before.shape.stability, HARDLY_STABLE, STABLE))
+        problem.branch.stable = float(np.clip(0.5 * before.shape.stability, HARDLY_STABLE, STABLE))
         force = self._force(problem, before)
         if force is None:
             return None
         if not final:
-            return Passing(problem.family.shape(force), depth=depth).after(before)
+            return BranchPoint(problem.branch.shape(force), depth=depth).after(before)
         found = problem.nearest_confirmed(force)
-        return found and Passing(found[1], depth=depth).after(before)
+        return found and BranchPoint(found[1], depth=depth).after(before)
 
-    def _force(self, problem: ContactProblem, before: Passing) -> float | None:
+    def _force(self, problem: ContactProblem, before: BranchPoint) -> float | None:
         last, cost = before.shape.gripper, problem.cost(self.condition, before.shape.gripper)
         if problem.forces is not None:
             good = (force for force in problem.forces.tolist() if problem.merit(force) > 0)
             return min(good, key=problem.cost('least_motion', last), default=None)
-        floor = max(problem.demands.min_force, LEAST_FORCE * problem.family.scale[0])
+        floor = max(problem.demands.min_force, LEAST_FORCE * problem.branch.scale[0])
         force = max(problem.force_of(before.shape, self.simulator.rod.length - before.depth), floor)
         if not problem.merit(force) > 0:
             force = next((one for one in (part * force for part in _BESIDE)
@@ -381,20 +387,20 @@ class AlignedSlide(Family):
             force = best
         return force or None
 
-    def replayed(self, last: Shape | None, passing: Passing) -> Passing:
-        """Return the Passing: the direct simulation has confirmed it."""
-        return passing
+    def replayed(self, last: Shape | None, point: BranchPoint) -> BranchPoint:
+        """Return the BranchPoint: the direct simulation has confirmed it."""
+        return point
 
-    def waypoint(self, passing: Passing) -> Waypoint:
-        """Return the Waypoint of a Passing."""
-        family = self.problem.family
-        return waypoint_at(passing.shape, family.place,
-                           self.simulator.rod.length - passing.depth, family.frame[:, 0])
+    def waypoint(self, point: BranchPoint) -> Waypoint:
+        """Return the Waypoint of a BranchPoint."""
+        branch = self.problem.branch
+        return waypoint_at(point.shape, branch.place,
+                           self.simulator.rod.length - point.depth, branch.frame[:, 0])
 
-    def refusal(self, builder: PlanBuilder, before: Passing | None,
+    def refusal(self, builder: PlanBuilder, before: BranchPoint | None,
                 step: Step) -> Infeasible | None:
         """Return why a Step does not lead on: no force is admissible, or the gripper would jump."""
-        if step.passing is not None:
+        if step.point is not None:
             return None
         problem = self.problem.moved(self.simulator.rod.length - builder.depth)
         minima = problem.minima(problem.cost('least_force', None))
@@ -404,10 +410,10 @@ class AlignedSlide(Family):
             return problem.unconfirmed(builder)
         last = builder.waypoints[-1].shape.gripper
         length = self.simulator.rod.length
-        leap = length * min(gripper_motion(last, problem.family.hanging(force)[1], length)
+        jump = length * min(gripper_motion(last, problem.branch.hanging(force)[1], length)
                             for _, force in minima)
-        return builder.refusal('continuity', leap, 'the gripper would have to jump by '
-                               f'{leap:.3g} m (a '
+        return builder.refusal('continuity', jump, 'the gripper would have to jump by '
+                               f'{jump:.3g} m (a '
                                'turn counts as the motion of a point at the DLO\'s length from it) '
                                'from the waypoint before, however slowly the DLO is drawn')
 
@@ -438,12 +444,12 @@ class StraightSlide(AlignedSlide):
 
     def __init__(self, problem: ContactProblem, first: Pose) -> None:
         super().__init__(problem, 'least_motion')
-        self._first, self._way = first, problem.family.place - first.position
+        self._first, self._way = first, problem.branch.place - first.position
         self._ended: tuple[str, float, str] | None = None  # why the last search found nothing
 
-    def at(self, before: Passing, depth: float, roll: float = 0.0,
-           final: bool = False) -> Passing | None:
-        """Return the Passing that touches at L - depth.
+    def at(self, before: BranchPoint, depth: float, roll: float = 0.0,
+           final: bool = False) -> BranchPoint | None:
+        """Return the BranchPoint that touches at L - depth.
 
         The nearer the gripper is, the less of the DLO is left: a root is bracketed and found. All
         trials go on from the Shape before: friction remembers.
@@ -466,7 +472,7 @@ class StraightSlide(AlignedSlide):
             left = sign * (self._touches_at(shape, target) - target)
             tested = _Trial(trial, left if shape.converged and not shape.jumped else np.nan, shape)
             if abs(tested.left) <= _ARC_ERROR * length:
-                return Passing(shape, depth=depth).after(before)
+                return BranchPoint(shape, depth=depth).after(before)
             if tested.left > 0:
                 near, before_that = tested, near
             else:
@@ -477,16 +483,16 @@ class StraightSlide(AlignedSlide):
                 break
         return self._hopped(near, far, target, before)
 
-    def waypoint(self, passing: Passing) -> Waypoint:
-        """Return the Waypoint of a Passing, where it touches."""
-        family, s = self.problem.family, self.simulator.rod.length - passing.depth
-        return waypoint_at(passing.shape, family.place, self._touches_at(passing.shape, s),
-                           family.frame[:, 0])
+    def waypoint(self, point: BranchPoint) -> Waypoint:
+        """Return the Waypoint of a BranchPoint, where it touches."""
+        branch, s = self.problem.branch, self.simulator.rod.length - point.depth
+        return waypoint_at(point.shape, branch.place, self._touches_at(point.shape, s),
+                           branch.frame[:, 0])
 
-    def refusal(self, builder: PlanBuilder, before: Passing | None,
+    def refusal(self, builder: PlanBuilder, before: BranchPoint | None,
                 step: Step) -> Infeasible | None:
         """Return why a Step does not lead on: the DLO falls, or does not come to touch."""
-        if step.passing is not None:
+        if step.point is not None:
             return None
         assert self._ended is not None  # else there is one
         return builder.refusal(*self._ended)
@@ -499,7 +505,7 @@ class StraightSlide(AlignedSlide):
     def _touches_at(self, shape: Shape, s: float) -> float:
         """Return the arc length in m, nearest to `s`, at which a Shape touches; nan: nowhere."""
         touching = [one.s for one in shape.contacts
-                    if one.obstacle == self.problem.family.obstacle]
+                    if one.obstacle == self.problem.branch.obstacle]
         return float(min(touching, key=lambda one: abs(one - s), default=np.nan))
 
     def _at(self, gone: float, before: Shape) -> Shape:
@@ -507,7 +513,7 @@ class StraightSlide(AlignedSlide):
         gripper = Pose.from_rotation(self._first.position + gone * self._way, self._first.rotation)
         return self.simulator.track([gripper], initial=before)[0]
 
-    def _guess(self, before: Passing, gone: float, touching: float, target: float) -> float:
+    def _guess(self, before: BranchPoint, gone: float, touching: float, target: float) -> float:
         """Return about how far the gripper has to go: as in the step before, if there is one."""
         if before.since is not None:
             was = self._touches_at(before.since.shape, touching)
@@ -517,13 +523,13 @@ class StraightSlide(AlignedSlide):
         return 1 - (1 - gone) * target / touching
 
     def _hopped(self, near: _Trial, far: _Trial | None, target: float,
-                before: Passing) -> Passing | None:
-        """Return the Passing of the trial nearest to `target` if it is near enough, else None."""
+                before: BranchPoint) -> BranchPoint | None:
+        """Return the BranchPoint of the trial nearest to `target`, None if that is too far."""
         known = [one for one in (near, far) if one is not None and not np.isnan(one.left)]
         _, left, shape = min(known, key=lambda one: abs(one.left))
         length = self.simulator.rod.length
         if abs(left) <= _HOP * length:  # from one side of a node to the other
-            return Passing(shape, depth=length - target).after(before)
+            return BranchPoint(shape, depth=length - target).after(before)
         if far is not None and np.isnan(far.left) and (
                 far.shape.jumped or not np.isnan(self._touches_at(far.shape, target))):
             self._ended = ('continuity', apart(far.shape, near.shape), 'the DLO would fall '
@@ -694,8 +700,8 @@ class SlideContact(Task):
         builder = PlanBuilder(depths, problem.demands)
         first = _chosen(problem, 'least_energy' if least and context.start is None
                         else self.condition, context.start, builder)
-        family = (StraightSlide(problem, first.gripper) if self.mode == 'straight' else
+        branch = (StraightSlide(problem, first.gripper) if self.mode == 'straight' else
                   AlignedSlide(problem, self.condition))
-        begin = Passing(first, depth=depths[0])
-        continue_family(builder, Follower(family, begin, depths[0], depths), family.waypoint)
+        begin = BranchPoint(first, depth=depths[0])
+        continue_branch(builder, Follower(branch, begin, depths[0], depths), branch.waypoint)
         return builder.finished()

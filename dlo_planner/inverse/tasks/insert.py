@@ -29,7 +29,13 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.continuation import Family, Follower, Passing, Step, continue_family
+from dlo_planner.inverse.continuation import (
+    BranchPoint,
+    Follower,
+    SolutionBranch,
+    Step,
+    continue_branch,
+)
 from dlo_planner.inverse.equilibria import (
     Candidate,
     least_turn,
@@ -72,10 +78,11 @@ class _Stop(NamedTuple):
     carried: float
 
 
-class Insertion(Family):
+class Insertion(SolutionBranch):
     """The shapes outside a bore, free of force at its entrance, where their frame is `end` (3, 3).
 
-    Their depth, as a Family has it, is a way in m: it goes on while the entrance takes over a mass.
+    The depth of this SolutionBranch is a path length in m: it goes on while the entrance takes over
+    a mass.
     """
 
     what = 'free of force at the bore entrance'
@@ -93,18 +100,19 @@ class Insertion(Family):
                                      for one, other in pairwise(self._stops))])
         self.depths = np.array([depth for depth, _ in self._stops])
 
-    def first(self) -> Passing | None:
-        """Return the Passing with which the way begins, or None."""
-        return self._passing(0.0, True)
+    def first(self) -> BranchPoint | None:
+        """Return the BranchPoint with which the way begins, or None."""
+        return self._point(0.0, True)
 
-    def at(self, before: Passing, depth: float, roll: float = 0.0,
-           final: bool = False) -> Passing | None:
-        """Return the Passing at a way, m; a waypoint is confirmed, with its end at the entrance."""
+    def at(self, before: BranchPoint, depth: float, roll: float = 0.0,
+           final: bool = False) -> BranchPoint | None:
+        """Return the BranchPoint at a way, m; a waypoint is confirmed, its end at the entrance."""
         del roll
-        return before if depth == before.depth and final else self._passing(
+        return before if depth == before.depth and final else self._point(
             depth, final, before)
 
-    def _passing(self, way: float, final: bool, before: Passing | None = None) -> Passing | None:
+    def _point(self, way: float, final: bool,
+               before: BranchPoint | None = None) -> BranchPoint | None:
         k = min(int(np.searchsorted(self.way, way, side='right')) - 1, len(self._stops) - 1)
         stop = self._stops[k]
         if way > self.way[k]:
@@ -116,10 +124,10 @@ class Insertion(Family):
         shape = self._shape(outside)
         if shape is None:
             return None
-        passing = Passing(shape, depth=way)
-        if not final or before is not None and self.too_far(before, passing, way - before.depth):
-            return passing  # what is too far from the one before is no waypoint
-        return Passing(self._held(stop, outside, shape), depth=way)
+        point = BranchPoint(shape, depth=way)
+        if not final or before is not None and self.too_far(before, point, way - before.depth):
+            return point  # what is too far from the one before is no waypoint
+        return BranchPoint(self._held(stop, outside, shape), depth=way)
 
     def _shape(self, outside: DirectSimulator) -> Shape | None:
         """Return the Shape of the part outside, free of force at its end, or None."""
@@ -139,9 +147,9 @@ class Insertion(Family):
         if carried:  # a start for the DLO with the whole mass, no more
             outside = self.simulator.with_rod(self._rod(_Stop(depth, 0.0)))
             shape = replace(shape, state=shape.state.forgotten())
-        mouth = Hold(Pose.from_rotation(self._bore.center, shape.frames[-1]),
+        entrance = Hold(Pose.from_rotation(self._bore.center, shape.frames[-1]),
                      'clamped' if carried else 'sleeve', by=BORE)
-        return outside.solve(shape.gripper, shape, far_end=mouth)
+        return outside.solve(shape.gripper, shape, far_end=entrance)
 
     def _stops_at(self, depths: Floats) -> list[_Stop]:
         """Return all stops between the first and the last of `depths` (n,)."""
@@ -184,22 +192,22 @@ class Insertion(Family):
                 end = s
         return before(whole, end, carried)
 
-    def too_far(self, before: Passing, after: Passing, step: float) -> float:
+    def too_far(self, before: BranchPoint, after: BranchPoint, step: float) -> float:
         """Return by how much (m) a step is longer than one that needs no look between."""
         length = self.simulator.rod.length
         return length * max(0.0, gripper_motion(before.shape.gripper, after.shape.gripper, length)
                             - _PACE)
 
-    def replayed(self, last: Shape | None, passing: Passing) -> Passing:
-        """Return the Passing: the shape before is of another DLO."""
-        return passing
+    def replayed(self, last: Shape | None, point: BranchPoint) -> BranchPoint:
+        """Return the BranchPoint: the shape before is of another DLO."""
+        return point
 
-    def refusal(self, builder: PlanBuilder, before: Passing | None,
+    def refusal(self, builder: PlanBuilder, before: BranchPoint | None,
                 step: Step) -> Infeasible | None:
         """Return why a Step does not lead to a shape in which the DLO stays, or None."""
-        if step.passing is None:
+        if step.point is None:
             return super().refusal(builder, before, step)
-        shape = step.passing.shape
+        shape = step.point.shape
         if shape.stability < -NEUTRAL:
             return builder.refusal('stability', -shape.stability, 'the DLO would not stay in the '
                                    f'shape; stability {shape.stability:.3g}', '')
@@ -334,16 +342,16 @@ class Insert(Task):
         bore, demands, simulator = self.bore, context.demands, context.without_obstacles
         holes = Holes([bore], simulator.rod.length, demands.obstacles, demands.surface)
 
-        def waypoint(passing: Passing) -> Waypoint:
-            shape = passing.shape
+        def waypoint(point: BranchPoint) -> Waypoint:
+            shape = point.shape
             return holes.passed(waypoint_at(shape, bore.center, shape.s[-1], bore.normal))
 
         def planned(begin: Candidate) -> Plan:
             demands.progress.check()
             end = np.array(begin.shape.frames[-1])  # of a series, about along the bore
-            family = Insertion(simulator, bore, least_turn(end[:, 0], bore.normal) @ end, depths)
-            builder = PlanBuilder(family.depths, demands)
-            continue_family(builder, Follower(family, family.first(), 0.0, family.way), waypoint)
+            branch = Insertion(simulator, bore, least_turn(end[:, 0], bore.normal) @ end, depths)
+            builder = PlanBuilder(branch.depths, demands)
+            continue_branch(builder, Follower(branch, branch.first(), 0.0, branch.way), waypoint)
             return builder.finished()
 
         plan = first_feasible(partial(planned, begin) for begin in start_candidates(

@@ -3,7 +3,7 @@
 """A plug in the hand, its cable trailing to where it is held: led straight into its socket.
 
 The plug is part of the hand, so that the cable alone is solved for, held at the plug's rear; what
-the hand has to give at the plug's front is told of each waypoint. Nothing is sought: the way is
+the hand has to give at the plug's front is known at each waypoint. Nothing is sought: the way is
 straight, and the plan is refused where it is not free.
 """
 
@@ -63,7 +63,7 @@ class InsertPlug(Task):
     approach : float
         How far before the entrance the front is led onto the axis, m.
     far_end : FarEnd or None
-        What holds the cable's far end. If None, that is told by `holds`, or by `initial`.
+        What holds the cable's far end. If None, `holds` or `initial` say it.
     holds : tuple of Hold
         What else holds the cable, standing still.
     max_force : float or None
@@ -149,8 +149,10 @@ class InsertPlug(Task):
         beyond = [(self.plug.front(pose).position - self.socket.position)
                   @ self.socket.rotation[:, 0] for pose in plan.grippers]
         outside = [k for k, depth in enumerate(beyond) if depth < -_SAME]
-        mouth = outside[-1] + 1 if outside else 0
-        return (('approach', 0), ('insert', mouth)) if 0 < mouth < len(plan) else (('insert', 0),)
+        entrance = outside[-1] + 1 if outside else 0
+        if 0 < entrance < len(plan):
+            return ('approach', 0), ('insert', entrance)
+        return (('insert', 0),)
 
     def _check_reach(self, context: PlanContext, demands: PlanChecker, holds: Holds,
                      deepest: float) -> None:

@@ -108,17 +108,17 @@ class LayOnLine(Task):
               initial: Shape | None) -> Plan:
         builder = PlanBuilder(np.zeros(self.positions.size), demands, initial=initial)
         builder.check()
-        family = Aligned(simulator, self.line.direction)
-        passing = family.from_guess(begin.shape, begin.depth, begin.reference)
-        if passing is not None and self.length:
-            shape = self._nearest(simulator, passing.shape)
-            passing = None if shape is None else passing._replace(shape=shape)
-        refusal = family.refusal(builder, None, Step(passing, begin.depth))
-        if refusal is not None or passing is None:
+        branch = Aligned(simulator, self.line.direction)
+        point = branch.from_guess(begin.shape, begin.depth, begin.reference)
+        if point is not None and self.length:
+            shape = self._nearest(simulator, point.shape)
+            point = None if shape is None else point._replace(shape=shape)
+        refusal = branch.refusal(builder, None, Step(point, begin.depth))
+        if refusal is not None or point is None:
             assert refusal is not None  # else there is one
             raise refusal
         for position in self.positions:
-            builder.add(self._waypoint(passing.shape, position))
+            builder.add(self._waypoint(point.shape, position))
         return builder.finished()
 
     def _nearest(self, simulator: DirectSimulator, shape: Shape) -> Shape | None:

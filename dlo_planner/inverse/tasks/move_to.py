@@ -16,7 +16,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import Grips, between
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.continuation import GivenPoses, Passing, Step
+from dlo_planner.inverse.continuation import BranchPoint, GivenPoses, Step
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.checks import instance, items, number, shown
@@ -78,17 +78,17 @@ def led(context: PlanContext, grips: Sequence[Grips], demands: PlanChecker,
     The first Shape is found from `first`, or naturally. Where the DLO is hardly stable there are
     more waypoints than Grips.
     """
-    family = GivenPoses(context.simulator.without_obstacles(), [one.gripper for one in grips],
+    branch = GivenPoses(context.simulator.without_obstacles(), [one.gripper for one in grips],
                         [one.holds for one in grips])
-    builder, before = PlanBuilder(np.zeros(len(grips)), demands), family.first(first).shape
+    builder, before = PlanBuilder(np.zeros(len(grips)), demands), branch.first(first).shape
     found = [before]
     for index, goal in enumerate(grips):
         builder.check()
         if index:
-            found = _followed(family.simulator, before, goal, _HALVINGS)
+            found = _followed(branch.simulator, before, goal, _HALVINGS)
             builder.lengthen(len(found) - 1)
         for shape in found:
-            refused = family.refusal(builder, None, Step(Passing(shape), 0.0))
+            refused = branch.refusal(builder, None, Step(BranchPoint(shape), 0.0))
             if refused is not None:
                 raise refused
             builder.add(Waypoint(shape))
@@ -121,7 +121,7 @@ def _followed(simulator: DirectSimulator, before: Shape, goal: Grips, halvings: 
     if not halvings:
         if have_rings(after.holds) and apart(before, after) < SAME * before.s[-1]:
             return [after]  # where a ring begins to slide, or sticks, no step is even
-        return [replace(after, jumped=True)]  # it cannot be told in which shape the DLO comes there
+        return [replace(after, jumped=True)]  # in which shape the DLO comes there is not known
     found = _followed(simulator, before, middle, halvings - 1)
     if not found[-1].converged or found[-1].jumped:
         return found

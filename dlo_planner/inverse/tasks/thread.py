@@ -26,11 +26,11 @@ from dlo_planner.inverse.advice import advice
 from dlo_planner.inverse.continuation import (
     DOUBTFUL,
     Aligned,
-    Family,
+    BranchPoint,
     Follower,
-    Passing,
     RollSchedule,
-    continue_family,
+    SolutionBranch,
+    continue_branch,
 )
 from dlo_planner.inverse.equilibria import (
     Candidate,
@@ -50,7 +50,7 @@ from dlo_planner.inverse.route import (
     find_route,
     gets_there,
     grid_nodes,
-    plan_family,
+    plan_branch,
     quick_simulator,
     sweep,
     with_certificate,
@@ -88,17 +88,19 @@ class EvenRolls:
     depths: Floats  # (n,) m
     turned: Floats  # (n,) rad
 
-    def roll(self, family: Family, passing: Passing, depth: float, target: float) -> float:
+    def roll(self, branch: SolutionBranch, point: BranchPoint, depth: float,
+             target: float) -> float:
         """Return the roll (rad) to make between two depths, m."""
-        del family, passing
+        del branch, point
         return float(np.diff(np.interp((depth, target), self.depths, self.turned))[0])
 
 
-def even_rolls(family: Family, depths: Floats, passings: Sequence[Passing]) -> Iterator[EvenRolls]:
-    """Yield EvenRolls, ever less smooth, along the rolls between n Passings at n depths."""
+def even_rolls(branch: SolutionBranch, depths: Floats,
+               points: Sequence[BranchPoint]) -> Iterator[EvenRolls]:
+    """Yield EvenRolls, ever less smooth, along the rolls between n BranchPoints at n depths."""
     rolls = [Rotation.from_matrix(after.shape.gripper.rotation @ before.shape.gripper.rotation.T)
-             .as_rotvec() @ family.axis(before.shape)
-             for before, after in zip(passings, passings[1:], strict=False)]
+             .as_rotvec() @ branch.axis(before.shape)
+             for before, after in zip(points, points[1:], strict=False)]
     if len(rolls) < 2 or np.abs(rolls).max() < _NO_ROLL:
         return
     turned = np.append(0.0, np.cumsum(rolls))
@@ -116,12 +118,12 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
     holes = task.holes(length)
     guess, reference, depth = begin
 
-    def waypoint(passing: Passing) -> Waypoint:
-        return holes.passed(passing.waypoint(cutout.center, length - passing.depth,
+    def waypoint(point: BranchPoint) -> Waypoint:
+        return holes.passed(point.waypoint(cutout.center, length - point.depth,
                                              cutout.normal))
 
     builder = PlanBuilder(task.depths, task.demands, initial=task.initial)
-    passings, rolled = continue_family(
+    points, rolled = continue_branch(
         builder, Follower(aligned, aligned.from_guess(guess, depth, reference), depth, task.depths,
                           route), waypoint,
         may_roll=not is_axisymmetric(simulator.rod) and not isinstance(route, EvenRolls))
@@ -129,7 +131,7 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
     if not rolled:
         return plan
     silent = replace(task, demands=task.demands.silent())
-    for even in even_rolls(aligned, task.depths, passings):
+    for even in even_rolls(aligned, task.depths, points):
         try:
             smooth = thread_from(simulator, silent, begin, even)
         except Infeasible:
@@ -163,7 +165,7 @@ def thread(simulator: DirectSimulator, task: Threading) -> Plan:
     def planned(task: Threading, way: tuple[Candidate, RollSchedule | None]) -> Plan:
         return thread_from(quick, task, *way)
 
-    plan, way = plan_family(trial, planned, first, partial(_other_ways, quick, trial, candidates),
+    plan, way = plan_branch(trial, planned, first, partial(_other_ways, quick, trial, candidates),
                             _FEW)
     if own:
         return plan

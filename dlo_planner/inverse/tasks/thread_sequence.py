@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.continuation import Family, Follower, Passing, continue_family
+from dlo_planner.inverse.continuation import BranchPoint, Follower, SolutionBranch, continue_branch
 from dlo_planner.inverse.equilibria import is_axisymmetric
 from dlo_planner.inverse.room_of_two import nearness
 from dlo_planner.inverse.route import Threading, quick_simulator
@@ -53,7 +53,7 @@ _COUNTS = 0.05        # part of a room lost, at least: a cut-out that is hit kee
 _EDGE = 0.95          # of the reach: what came so far was kept back by it
 
 
-class NearestToCenters(Family):
+class NearestToCenters(SolutionBranch):
     """The shapes nearest to the centers of k cut-outs, with weights (k,), at depths in the first.
 
     A step is kept in a ball about the shape before; if the nearest shape is farther away, it goes
@@ -72,9 +72,9 @@ class NearestToCenters(Family):
         legs = np.linalg.norm(np.diff(self.centers, axis=0), axis=1)
         self._reached = np.append(0.0, legs.cumsum())  # depth of a straight DLO at each center
 
-    def at(self, before: Passing, depth: float, roll: float = 0.0,
-           final: bool = False) -> Passing | None:
-        """Return the Passing at `depth` (m) near `before`, which leaves no roll free, or None."""
+    def at(self, before: BranchPoint, depth: float, roll: float = 0.0,
+           final: bool = False) -> BranchPoint | None:
+        """Return the BranchPoint at `depth` (m) near `before`, or None; no roll is left free."""
         del roll
         length, whole = self.simulator.rod.length, self._reach(depth - before.depth)
         shape = self._nearest(before, depth, _PART * whole)
@@ -85,7 +85,7 @@ class NearestToCenters(Family):
             moved = np.array([angle_between(last.rotation, gripper.rotation),
                               np.linalg.norm(gripper.position - last.position)])
             if np.linalg.norm(moved / whole) > _EDGE * _PART:
-                closer = self._nearest(Passing(shape, depth=depth), depth, (1 - _PART) * whole)
+                closer = self._nearest(BranchPoint(shape, depth=depth), depth, (1 - _PART) * whole)
                 shape = shape if closer is None else closer
         further: list[float] = []
         for center in self.centers[1:] if final else ():
@@ -93,15 +93,15 @@ class NearestToCenters(Family):
             if s > length:
                 break
             further.append(s)
-        return Passing(shape, tuple(further), depth)
+        return BranchPoint(shape, tuple(further), depth)
 
     def _reach(self, step: float) -> Floats:
         """Return the turn (rad) and the shift (m) that are no jump for a step of the depth, m."""
         length = self.simulator.rod.length
         return np.array([largest_turn(step / length), length * largest_shift(step / length)])
 
-    def _nearest(self, before: Passing, depth: float, reach: Floats) -> Shape | None:
-        """Return the Shape nearest to the centers at a depth (m), within reach of a Passing."""
+    def _nearest(self, before: BranchPoint, depth: float, reach: Floats) -> Shape | None:
+        """Return the Shape nearest to the centers at a depth (m), within reach of a BranchPoint."""
         length, gripper = self.simulator.rod.length, before.shape.gripper
         part = (depth - before.depth) / length
         turns = _ROLLED * length * np.sqrt(self.longest / (part or self.longest))
@@ -110,18 +110,18 @@ class NearestToCenters(Family):
                            reach=(float(reach[0]), float(reach[1])))
         return found and found.shape
 
-    def settled(self, passing: Passing) -> Passing:
-        """Return the Passing that is nearest at its depth, however far away."""
+    def settled(self, point: BranchPoint) -> BranchPoint:
+        """Return the BranchPoint that is nearest at its depth, however far away."""
         for _ in range(_SETTLING):
-            after = self.at(passing, passing.depth)
+            after = self.at(point, point.depth)
             if after is None:
                 break
-            moved = gripper_motion(passing.shape.gripper, after.shape.gripper,
+            moved = gripper_motion(point.shape.gripper, after.shape.gripper,
                                    self.simulator.rod.length)
-            passing = after
+            point = after
             if moved < _SETTLED:
                 break
-        return passing
+        return point
 
     def _goals(self, depth: float, gripper: Pose, turns: float) -> GoalTable:
         """Return the goals at a depth, m, and near a Pose: a roll by 1 rad counts as `turns` m."""
@@ -238,21 +238,21 @@ def _rolled(simulator: DirectSimulator, task: Threading) -> Iterator[Pose | None
 
 def _thread(simulator: DirectSimulator, task: Threading, weights: Floats) -> Plan:
     """Return the Plan that begins with the roll of `task.start`."""
-    family = NearestToCenters(simulator, task.cutouts, weights)
+    branch = NearestToCenters(simulator, task.cutouts, weights)
     begin = thread(simulator, replace(
         task, cutouts=task.cutouts[:1], depths=np.zeros(1), demands=PlanChecker(
             task.demands.speeds, task.demands.progress.silent()))).shapes[0]
-    holes, length, (first, *others) = task.holes(begin.s[-1]), begin.s[-1], family.centers
+    holes, length, (first, *others) = task.holes(begin.s[-1]), begin.s[-1], branch.centers
 
-    def waypoint(passing: Passing) -> Waypoint:
-        made = waypoint_at(passing.shape, first, length - passing.depth, None)
-        for center, s in zip(others, passing.further, strict=False):
+    def waypoint(point: BranchPoint) -> Waypoint:
+        made = waypoint_at(point.shape, first, length - point.depth, None)
+        for center, s in zip(others, point.further, strict=False):
             made = made.with_via_point(center, s)
         return holes.passed(made)
 
     builder = PlanBuilder(task.depths, task.demands)
-    passing = family.settled(Passing(begin, depth=0.0))
-    continue_family(builder, Follower(family, passing, 0.0, task.depths), waypoint)
+    point = branch.settled(BranchPoint(begin, depth=0.0))
+    continue_branch(builder, Follower(branch, point, 0.0, task.depths), waypoint)
     return builder.finished()
 
 

@@ -29,9 +29,9 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuation import (
     Aligned,
-    Family,
+    BranchPoint,
     Follower,
-    Passing,
+    SolutionBranch,
     Step,
     TwoPoints,
 )
@@ -50,7 +50,7 @@ from dlo_planner.inverse.route import (
     grid_nodes,
     motion,
     picked,
-    plan_family,
+    plan_branch,
     quick_simulator,
     sweep,
     with_certificate,
@@ -83,7 +83,7 @@ class Change:
     Or, `deep`, where a motion begins of which no waypoint is before any change.
     """
 
-    passing: Passing
+    point: BranchPoint
     back: Route | None = None
     on: Route | None = None
     deep: bool = False
@@ -133,32 +133,32 @@ def thread_two(simulator: DirectSimulator, task: Threading) -> Plan:
         return _thread_through(quick, task, change)
 
     try:
-        plan, change = plan_family(trial, planned, _straight_there(quick, trial), others, _FEW,
+        plan, change = plan_branch(trial, planned, _straight_there(quick, trial), others, _FEW,
                                    _DEMANDED)
     except LookupError:
         raise _unreached(quick, trial, shapes()) from None
     if own:
         return plan
-    shape = simulator.solve(change.passing.shape.gripper, change.passing.shape)
-    refined = _at_both(_both(simulator, task), shape, change.passing.depth, change.deep)
+    shape = simulator.solve(change.point.shape.gripper, change.point.shape)
+    refined = _at_both(_both(simulator, task), shape, change.point.depth, change.deep)
     if refined is None:
         raise _unreached(simulator, task)
-    return _thread_through(simulator, task, replace(change, passing=refined))
+    return _thread_through(simulator, task, replace(change, point=refined))
 
 
-def _at_both(condition: TwoPoints, shape: Shape, depth: float, deep: bool) -> Passing | None:
-    """Return the Passing near a Shape: at a depth (m) if `deep`, else where its free end is."""
+def _at_both(condition: TwoPoints, shape: Shape, depth: float, deep: bool) -> BranchPoint | None:
+    """Return the BranchPoint near a Shape: at a depth (m) if `deep`, else where its free end is."""
     if not shape.converged:
         return None
-    return condition.at(Passing(shape, depth=depth), depth) if deep else condition.from_end(
+    return condition.at(BranchPoint(shape, depth=depth), depth) if deep else condition.from_end(
         shape, depth)
 
 
 def _thread_through(simulator: DirectSimulator, task: Threading, change: Change) -> Plan:
     """Return the Plan that goes through a Change, before and after it; raise Infeasible."""
-    length, depths, at = simulator.rod.length, task.depths, change.passing.depth
+    length, depths, at = simulator.rod.length, task.depths, change.point.depth
     (first, second), builder = task.cutouts, PlanBuilder(task.depths, task.demands)
-    aligned = Aligned(simulator, change.passing.shape.frame_at(length - at)[0][:, 0], first.center)
+    aligned = Aligned(simulator, change.point.shape.frame_at(length - at)[0][:, 0], first.center)
     aligned.normals = (first.normal,)
     two = _both(simulator, task)
     two.normals = (first.normal, second.normal)
@@ -167,29 +167,29 @@ def _thread_through(simulator: DirectSimulator, task: Threading, change: Change)
                               'pass cut-out 0 against its direction', '')
     before = depths < at
     steps: dict[int, Step] = {}
-    parts: tuple[tuple[Family, Route | None, Ints], ...] = (
+    parts: tuple[tuple[SolutionBranch, Route | None, Ints], ...] = (
         (aligned, change.back, np.flatnonzero(before)[::-1]),
         (two, change.on, np.flatnonzero(~before)))
-    for family, route, order in parts:
-        follower = Follower(family, change.passing, at, depths[order], route)
+    for branch, route, order in parts:
+        follower = Follower(branch, change.point, at, depths[order], route)
         for k, index in enumerate(order):
             task.demands.progress.check()
             steps[int(index)] = step = follower.step(k)
-            if step.passing is None or family.against(step.passing):
+            if step.point is None or branch.against(step.point):
                 break
         if len(steps) < before.sum():
             break  # it is refused before the change
     holes, last = task.holes(length), None
     for index, depth in enumerate(depths):
-        family = aligned if before[index] else two
+        branch = aligned if before[index] else two
         step = steps.get(index, Step(None, at))  # none: those back from the change ended before
-        refusal = family.refusal(builder, last, step)
-        if refusal is not None or step.passing is None:
+        refusal = branch.refusal(builder, last, step)
+        if refusal is not None or step.point is None:
             assert refusal is not None  # else there is one
             raise refusal
-        last = family.replayed(builder.last, step.passing)
+        last = branch.replayed(builder.last, step.point)
         waypoint = last.waypoint(first.center, length - depth, None)
-        for s in last.further if family is two else ():
+        for s in last.further if branch is two else ():
             waypoint = waypoint.with_via_point(second.center, s)
         builder.add(holes.passed(waypoint))
     return builder.finished()

@@ -39,7 +39,7 @@ _BALANCED = 1e-8    # of the residual
 _ON_SURFACE = 1e-4  # of the length, and rad: how far a contact may be off its obstacle
 
 
-class ContactFamily:
+class ContactBranch:
     """The shapes that touch at arc length `s` (m) at a Pose of the contact, by their force.
 
     `check` is called once a shape. Raises InvalidTask where the contact is not on an obstacle:
