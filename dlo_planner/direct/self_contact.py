@@ -23,11 +23,14 @@ from dlo_planner.energy.strands import Strands, bears, near_pairs, nearest_point
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Floats, Ints
 
-_MORE = 5          # times the steps of a search: a DLO that falls winds itself up bit by bit
+_MORE = 3          # times the steps of a search: a DLO that falls winds itself up bit by bit
 _ROUGH = 1e-3      # residual
 _STEPS = 10        # of Newton's method until pairs are looked for anew,
 _FREE = 100        # and where none are near
-_CREEPS = 1e-3     # of the length: what moves by less in so many steps does not fall
+_CREEPS = 1e-3     # of the length: what moves by less in so many steps does not fall,
+_STUCK = 1e-8      # and what bears on itself is stuck
+_SHALLOW = 0.9     # of the sum of both radii: strands that are nearer grow to their thickness,
+_GROWTH, _LEAST = 1.2, 0.02  # each time to so much, and so much of that sum more
 _WATCHED = 0.5     # of the larger radius: pairs as near as that beyond both radii are looked at
 _FALLEN = 1.5      # rad: what bends or twists by more in a step, in all, may have fallen
 _EXACT = 1e-7      # of the length: depths aimed at
@@ -60,12 +63,28 @@ def kept_apart(mesh: Discretization, memory: Memory, system: Problem, strains: F
     """Return the Solution in which no strand is in another.
 
     Its Strands are those that are near; `memory` is what the step begins with. `solved` returns the
-    Solution that a Search reaches from strains (N, 3).
+    Solution that a Search reaches from strains (N, 3). Where strands are deep in each other at
+    first, as of a DLO that is set down, they are thin and grow.
     """
-    lengths, radii, spring = mesh.free.lengths, mesh.radii, mesh.pair_spring
-    positions = np.array(configuration_at(system, strains).positions + system.origin)
+    pairs = _pairs_at(mesh, system, strains, mesh.radii)
     known = {(i, j): force for (i, j), force in zip(
         mesh.pairs_at(memory.strands).tolist(), memory.strands[:, 2].tolist(), strict=True)}
+    thick = min([1.0, *(distance / reach for distance, reach in pairs)])
+    while thick < _SHALLOW:
+        end = _kept_apart(mesh, mesh.radii * thick, {}, system, strains,
+                          how._replace(check=False), solved)
+        strains, thick = end.strains, min(_GROWTH * thick + _LEAST, 1.0)
+        if not end.residual < np.inf:
+            return end
+    return _kept_apart(mesh, mesh.radii, known, system, strains, how, solved)
+
+
+def _kept_apart(mesh: Discretization, radii: Floats, known: dict[tuple[int, int], float],
+                system: Problem, strains: Floats, how: Search,
+                solved: Callable[[Problem, Floats, Search], Solution]) -> Solution:
+    """Return what `kept_apart` does of strands with these radii (N,) and known forces, N."""
+    lengths, spring = mesh.free.lengths, mesh.pair_spring
+    positions = _places(system, strains)
     length, check, iterations, kicks = float(mesh.s[-1]), False, 0, 0
     while True:
         strands = _near(lengths, strains, positions, radii, known, spring)
@@ -86,9 +105,25 @@ def kept_apart(mesh: Discretization, memory: Memory, system: Problem, strains: F
             if check or not how.check:
                 return end
             check = True
-        elif (iterations >= _MORE * how.steps or not end.residual < np.inf
-              or not len(strands.pair) and end.iterations >= _FREE and moved < _CREEPS * length):
+            continue
+        creeps = moved < (_STUCK if len(strands.pair) else _CREEPS) * length
+        if (iterations >= _MORE * how.steps or not end.residual < np.inf
+                or creeps and end.iterations >= 0.5 * steps):
             return end
+
+
+def _places(system: Problem, strains: Floats) -> Floats:
+    """Return (N + 1, 3) where nodes are, in the world, m."""
+    places: Floats = configuration_at(system, strains).positions + system.origin
+    return places
+
+
+def _pairs_at(mesh: Discretization, system: Problem, strains: Floats,
+              radii: Floats) -> list[tuple[float, float]]:
+    """Return distance and sum of radii, m, of the pairs that are in each other."""
+    lengths, places = mesh.free.lengths, _places(system, strains)
+    return [(float(nearest_points(lengths, places, i, j)[2]), float(radii[i] + radii[j]))
+            for i, j in _pairs(lengths, strains, places, radii, 0.0).tolist()]
 
 
 def _near(lengths: Floats, strains: Floats, positions: Floats, radii: Floats,

@@ -146,7 +146,7 @@ def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepIn
         how, initial = how._replace(memory=initial.state.before or how.memory), None
     past, shape = past_of(mesh, initial, how.memory), None
     if (how.method == 'newton' and mesh.may_hang and past.idle
-            and (mesh.hangs or not how.holds or initial is not None)):
+            and (mesh.hangs or mesh.touches_itself or not how.holds or initial is not None)):
         shape = _searched(mesh, gripper, initial, how, past, start, culled=True)
         given_up = not shape.converged and how.most < np.inf  # then it is made in parts
         if mesh.touches_itself and initial is not None and not given_up:
@@ -155,6 +155,8 @@ def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepIn
                 shape = None
         if shape is not None and not (mesh.hangs or given_up
                                       or shape.converged and shape.state.culled):
+            if mesh.touches_itself and initial is None and shape.converged:
+                start = shape.element_strains  # from where strands in each other are pushed apart
             shape = None
     if shape is None:
         shape = _searched(mesh, gripper, initial, how, past, start, culled=False)
@@ -780,7 +782,7 @@ def solution_of(found: Minimum, gripper: Pose, ended: bool = True) -> Solution:
     residual, stability = float(found.residual), float(found.stability)
     end = outcome(found.system, found.state, np.array(gripper.position), residual, 0.0, ended)
     return Solution._make((*end, residual, stability, found.iterations, found.kicks,
-                           float(found.violation), False))
+                           float(found.violation), False, None))
 
 
 def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memory | None,
