@@ -344,7 +344,8 @@ class TrajectoryStreamer(Part):
             where = f'{where}gripper_command' if drive is None else 'joint_commands_ahead'
             outcome.message = f'{duration:.1f} s on {where}' + (
                 '' if self._loop is None else ', or longer: it observes the DLO before it goes')
-            outcome.warning = open_loop_warning(state, observing)
+            assert state.proof is not None and state.proof.report is not None  # it was proved
+            outcome.warning = open_loop_warning(state, observing) or state.proof.report.reason
             outcome.values = {'duration [s]': duration, 'arms': ', '.join(
                 one.name for one in execution.arms), 'plan stamp': stamp_text(state.running.stamp)}
             speed, tolerance = scene.limits.linear_speed, scene.guards.path_position

@@ -22,7 +22,7 @@ from dlo_planner import CutOut, Pose
 from dlo_planner.execute.causes import Cause
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.settings.tasks import task_to_yaml
-from dlo_planner.tasks import Carry, ThreadInGrasps
+from dlo_planner.tasks import Carry, Fork, Route, ThreadInGrasps
 from msg_helpers.poses import pose_from_msg
 
 OVERRIDES = {**WIRE, 'far_end.hold': 'clamped', 'far_end.timeout': 60.0,
@@ -237,3 +237,43 @@ def test_hands_take_turns_when_they_are_told_to(inside, node):
             assert 'held by first, second, as the last plan says' in message
     inside.trigger('reset')
     assert inside.set_parameters(far_end__hold='clamped')[0].successful
+
+
+def test_a_route_is_carried_out_stage_by_stage(inside, node):
+    inside.trigger('reset')
+    start = Pose.looking_along((0.1, -0.2, 1.0), (1.0, 0.3, 0.2))
+    seat = Pose.looking_along((0.55, 0.0, 0.95), (1.0, 0.1, 0.0))
+    with listening(inside, MarkerArray, 'holds', LATCHED) as holds, robots(
+            inside, gripper=start) as arms:
+        assert inside.set_parameters(far_end__hold='free')[0].successful
+        assert until(lambda: state(node).feedback is not None
+                     and np.allclose(state(node).pose.matrix, start.matrix))
+        told(inside, Route([Fork(seat, slip=0.5)]))
+        whole = state(node).planned.whole
+        names = []
+        for k, stage in enumerate(whole.stage_plans):
+            assert state(node).planned.stage == k
+            begin(inside)
+            code, message, values = inside.status_of('execute', 2 * PATIENCE)
+            assert code == 0, message
+            names.append(values['stage'])
+            assert np.linalg.norm(arms['gripper'].pose.position
+                                  - stage.grippers[-1].position) < 0.01
+            if k == 1:
+                assert message.endswith('; then close fork 1 at s = 0.8 m'), message
+            if k < 2:
+                assert not arrow(holds)
+                assert inside.trigger('next_stage').success
+                code, said, _ = inside.status_of('proof', PATIENCE)
+                assert code == 0, said
+        assert names == ['approach fork 1', 'enter fork 1', 'press fork 1']
+        # what slides is known at rest only, which is said; it is predicted with its fork
+        assert 'the plan is safe at rest: the DLO slides through fork 1' in said
+        assert set(arrow(holds)) == {'fork 1'} and arrow(holds)['fork 1'][0].startswith('ring at')
+        shape = state(node).shape
+        assert [hold.by for hold in shape.holds] == ['fork 1']
+        np.testing.assert_allclose(shape.positions[-1],
+                                   whole.shapes[-1].positions[-1], atol=5e-3)
+        assert 'is the last stage' in inside.trigger('next_stage').message
+        inside.trigger('reset')
+        assert inside.set_parameters(far_end__hold='clamped')[0].successful
