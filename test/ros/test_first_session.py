@@ -61,7 +61,7 @@ def test_every_line_does_what_the_page_says(own_domain, monkeypatch):
             command, = commands_of('    ' + line[:refused.start() if refused else None])
             said = run_inside(client, node, *command)
             assert said.startswith(f'{refused[1]}: ') if refused else not said, (line, said)
-        assert state(node).execution.cause == Cause.DONE  # of the two arms, which came to their ends
+        assert state(node).execution.cause == Cause.DONE  # both arms came to their ends
         assert [one.name for one in state(node).execution.arms] == ['gripper', 'far_end']
 
 
