@@ -25,6 +25,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.geometry.so3 import partway
 from dlo_planner.inverse.equilibria import least_turn
+from dlo_planner.inverse.stages import Stages
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import limit
 from dlo_planner.inverse.tasks.thread import Thread
@@ -39,7 +40,7 @@ from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.margin import least_margin, rating, upright_room, usual_uncertainty
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import Plan, PlanStatus, in_stages, truncate
+from dlo_planner.plan.plan import Plan, PlanStatus, truncate
 from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_at
 
 FIRST, SECOND = 'first', 'second'  # names of the hands
@@ -213,15 +214,12 @@ class _HandOverHand:
         if np.linalg.norm(across) < _VERTICAL * max(1.0, float(np.linalg.norm(gravity))):
             across = np.array(task.cutout.pose.rotation[:, 1])
         self._across: Floats = across / np.linalg.norm(across)  # about which hands pitch
-        self._plans, self._names = list[Plan](), list[str]()
+        self._stages = Stages(self._demands.speeds)
 
     def plan(self) -> Plan:
         """Return the Plan, or raise Infeasible that says which stage there is none of."""
-        try:
-            self._hand_over_hand()
-        except Infeasible as error:
-            raise self._with_evidence(error) from None
-        return in_stages(self._plans, self._names, self._demands.speeds)
+        return self._stages.plan(self._hand_over_hand, lambda whole: float(
+            whole.depths[-1] / self._task.length))
 
     def _hand_over_hand(self) -> None:
         """Make all stages."""
@@ -585,8 +583,7 @@ class _HandOverHand:
                 builder.stop()
         stage = builder.finished()
         self._check_workspace(stage, name)
-        self._plans.append(stage)
-        self._names.append(name)
+        self._stages.add(name, stage)
         return found[-1][0]
 
     def _builder(self, name: str, found: Sequence[Step]) -> PlanBuilder:
@@ -603,21 +600,6 @@ class _HandOverHand:
     def _holes_of(self, simulator: DirectSimulator) -> Holes:
         return Holes((self._task.cutout,), self._length, self._demands.obstacles,
                      Surface.of(simulator.rod))
-
-    def _with_evidence(self, error: Infeasible) -> Infeasible:
-        """Return a refusal that carries all stages until then."""
-        if not self._plans:
-            return error
-        partial, count = error.plan, sum(map(len, self._plans))
-        plans, names = list(self._plans), list(self._names)
-        if partial is not None and len(partial) and partial.shapes[0].holds:
-            plans.append(partial)
-            names.append('refused')
-        whole = in_stages(plans, names, self._demands.speeds)
-        error.plan = replace(whole, status=PlanStatus.PARTIAL, fraction=float(
-            whole.depths[-1] / self._task.length))
-        error.waypoint += count
-        return error
 
     def _check_workspace(self, stage: Plan, name: str) -> None:
         """Raise Infeasible where a hand leaves the workspace in a stage."""
