@@ -45,6 +45,7 @@ def test_what_lies_in_a_clip_is_held_there_from_then_on(grip):
     at = cell.snap(0)
     assert at == pytest.approx(0.21, abs=1e-4)  # whatever the planner took it for
     frame = cell.grasped(0)
+    np.testing.assert_allclose(frame.position, middle(), atol=3e-4)
     for k in range(25):
         cell.move(Pose((0.0, 0.0, 0.3 + 2e-3 * k), LEVEL), PERIOD)
     np.testing.assert_allclose(cell.grasped(0).position, frame.position, atol=3e-4)

@@ -180,7 +180,8 @@ def test_a_machine_that_is_late_leaves_no_arm_behind(pause):
     assert max(parts(robots).values()) < (ROUNDED if pause < 0.25 else np.inf)
 
 
-def test_a_command_beyond_the_limits_of_one_arm_stops_all():
+@pytest.mark.parametrize('name', ['gripper', 'second', 'third'])
+def test_a_command_beyond_the_limits_of_one_arm_stops_all(name):
     class Leaps(TimedPath):
         """The same motion, which leaps aside in the middle."""
 
@@ -189,14 +190,17 @@ def test_a_command_beyond_the_limits_of_one_arm_stops_all():
             late = np.asarray(times) > 0.4 * self.duration
             return positions + 0.02 * late[:, None] * np.array([0.0, 0.0, 1.0]), rotations
 
-    second = WAY.arm('second')
-    leaping = Leaps(second.path, second.laws, second.limits)
-    robots = Robots(begun(ways=(WAY, leaping, standing(STANDS, WAY.duration, LIMITS)))).run(2000)
+    ways = {'gripper': WAY.arm('gripper'), 'second': WAY.arm('second'),
+            'third': standing(STANDS, WAY.duration, LIMITS)}
+    ways[name] = Leaps(ways[name].path, ways[name].laws, ways[name].limits)
+    robots = Robots(begun(ways=tuple(ways.values()))).run(2000)
     execution = robots.execution
     assert (execution.phase, execution.cause) == ('stopped', Cause.LIMITS)
     assert max(parts(robots).values()) < 1.05  # by differences of what stops from one command on
     assert len(robots.sent['gripper']) == len(robots.sent['second'])
     assert robots.sent['second'][-1].position[2] == pytest.approx(1.0, abs=1e-3)
+    for poses in robots.sent.values():  # the last command is at rest
+        assert np.linalg.norm(poses[-1].position - poses[-2].position) < 2e-5
 
 
 def test_all_arms_come_to_where_the_plan_begins_at_once_and_calmly():
