@@ -196,6 +196,9 @@ def test_a_plan_in_stages_goes_on_when_it_is_told_that_the_hold_is_there(inside,
     node.shared.store.change(lambda now: replace(
         now, planned=made.in_stage(8), proof=replace(now.proof, plan=made.in_stage(8).plan)))
     assert 'pull 2 is the last stage' in inside.trigger('next_stage').message
+    code, message, _ = tell(TASKS[Thread]())  # the hands hold it, as was said
+    assert code == Cause.FAR_END_HELD and 'expected ~/reset' in message
+    inside.trigger('reset')
     tell(TASKS[Thread]())
     assert 'this one of a Thread has one stage' in inside.trigger('next_stage').message
 
