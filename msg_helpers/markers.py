@@ -15,13 +15,16 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, integer, items
+from dlo_planner.model.holds import Hold
+from dlo_planner.plan.stage import arm_of
 from dlo_planner.view.primitives import Primitive
-from msg_helpers.poses import header, pose_from_msg
+from msg_helpers.poses import header, pose_from_msg, pose_msg
 
 _TYPES = {'line': Marker.LINE_STRIP, 'segments': Marker.LINE_LIST, 'arrow': Marker.ARROW,
           'box': Marker.CUBE, 'ball': Marker.SPHERE, 'cylinder': Marker.CYLINDER,
           'text': Marker.TEXT_VIEW_FACING, 'points': Marker.SPHERE_LIST,
           'triangles': Marker.TRIANGLE_LIST}
+_HOLD = 0.08  # m, arrow of a hold: as long as the axes of the gripper
 _KINDS = {type_: kind for kind, type_ in _TYPES.items()}
 
 
@@ -37,6 +40,24 @@ def deleting_marker(group: str, index: int, frame_id: str, stamp: Time) -> Marke
     return Marker(header=header(frame_id, instance('stamp', stamp, Time)),
                   ns=instance('group', group, str), action=Marker.DELETE,
                   id=integer('index', index, minimum=-2**31, maximum=2**31 - 1))
+
+
+def holds_msg(holds: Iterable[Hold], frame_id: str, stamp: Time) -> MarkerArray:
+    """Return an arrow for each Hold, in place of those before: its pose, and what holds there.
+
+    `ns` is the name of the arm or fixture, `text` the grip and the place: 'clamped at 0.5 m',
+    'pinned at the tip'.
+    """
+    top = header(frame_id, instance('stamp', stamp, Time))
+    markers = [Marker(header=top, action=Marker.DELETEALL)]
+    for index, hold in enumerate(items('holds', holds, Hold)):
+        at = 'the tip' if hold.s is None else f'{hold.s:.6g} m'
+        markers.append(Marker(
+            header=top, ns=arm_of(hold), id=index, action=Marker.ADD, type=Marker.ARROW,
+            pose=pose_msg(hold.pose), text=f'{hold.grip} at {at}',
+            scale=Vector3(x=_HOLD, y=0.1 * _HOLD, z=0.1 * _HOLD),
+            color=ColorRGBA(r=0.0, g=0.6, b=0.3, a=1.0)))
+    return MarkerArray(markers=markers)
 
 
 def primitives_after(known: dict[tuple[str, int], Primitive],

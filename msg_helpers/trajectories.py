@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
+from types import MappingProxyType
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -27,8 +28,9 @@ from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, integer, items, number, row
+from dlo_planner.model.checks import choice, instance, integer, items, number, row
 from dlo_planner.model.pose import Pose, quaternions_of
+from dlo_planner.plan.stage import GRIPPER
 from dlo_planner.trajectory.timed_path import TimedPath
 from dlo_planner.trajectory.trajectory import Trajectory
 from msg_helpers.poses import (
@@ -41,6 +43,7 @@ from msg_helpers.poses import (
 )
 
 _MOST = 100_000  # points
+_NONE: Mapping[str, Sequence[Pose]] = MappingProxyType({})
 
 
 def shape_path(shape: Shape, frame_id: str, stamp: Time) -> Path:
@@ -134,31 +137,39 @@ def _moved(motion: TimedPath, times: Floats, tool: Pose) -> list[tuple[Transform
                 poses, quaternions, velocities, spins, accelerations, turns, strict=True)]
 
 
-def poses_ahead(times: ArrayLike, poses: Sequence[Pose], frame_id: str,
-                stamp: float) -> MultiDOFJointTrajectory:
-    """Return poses at times (n,) s, ascending, after a stamp in s on the clock of ROS."""
+def poses_ahead(times: ArrayLike, poses: Sequence[Pose], frame_id: str, stamp: float,
+                others: Mapping[str, Sequence[Pose]] = _NONE) -> MultiDOFJointTrajectory:
+    """Return poses at times (n,) s, ascending, after a stamp in s on the clock of ROS.
+
+    `others`: n poses of each other arm, which has a joint of its name.
+    """
     times = row('times', times, minimum=0)
-    poses = items('poses', poses, Pose)
-    if len(times) != len(poses):
-        raise InvalidTask(f'poses has {len(poses)} entries: expected {len(times)}, as times')
+    ways = {'poses': items('poses', poses, Pose)}
+    ways |= {name: items(f'others[{name!r}]', way, Pose)
+             for name, way in instance('others', others, Mapping).items()}
+    for name, way in ways.items():
+        if len(times) != len(way):
+            raise InvalidTask(f'{name} has {len(way)} entries: expected {len(times)}, as times')
     top = header(frame_id, time_msg(number('stamp', stamp, minimum=0)))
     return MultiDOFJointTrajectory(
-        header=top, joint_names=['gripper'],
+        header=top, joint_names=[GRIPPER, *others],
         points=[MultiDOFJointTrajectoryPoint(
             transforms=[Transform(translation=_vector(pose.position),
-                                  rotation=_quaternion(pose.quaternion))],
+                                  rotation=_quaternion(pose.quaternion)) for pose in at_once],
             time_from_start=duration_msg(time))
-            for time, pose in zip(times, poses, strict=True)])
+            for time, *at_once in zip(times, *ways.values(), strict=True)])
 
 
-def stamped_poses(msg: MultiDOFJointTrajectory) -> tuple[Floats, list[Pose]]:
-    """Return the times (n,) in s on the clock of ROS and the n Poses of `poses_ahead`."""
-    instance('msg', msg, MultiDOFJointTrajectory)
-    if not all(point.transforms for point in msg.points):
-        raise InvalidTask('msg.points: expected a transform in each')
+def stamped_poses(msg: MultiDOFJointTrajectory,
+                  name: str = GRIPPER) -> tuple[Floats, list[Pose]]:
+    """Return the times (n,) in s on the clock of ROS and the n Poses of an arm of `poses_ahead`."""
+    names = instance('msg', msg, MultiDOFJointTrajectory).joint_names
+    k = names.index(choice('name', name, names)) if len(names) > 1 else 0
+    if not all(len(point.transforms) > k for point in msg.points):
+        raise InvalidTask('msg.points: expected a transform in each for each joint')
     begin = seconds_of(msg.header.stamp)
     times = [begin + seconds_of(point.time_from_start) for point in msg.points]
-    ways = [point.transforms[0] for point in msg.points]
+    ways = [point.transforms[k] for point in msg.points]
     return np.array(times), [Pose(
         [getattr(way.translation, axis) for axis in 'xyz'],
         [getattr(way.rotation, axis) for axis in 'xyzw']) for way in ways]

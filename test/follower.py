@@ -14,7 +14,9 @@ from rclpy.qos import qos_profile_sensor_data
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.stage import GRIPPER
 from dlo_planner.ros.lifecycle import REQUEST
+from dlo_planner.ros.state import pose_topic
 from msg_helpers.poses import pose_from_msg, pose_stamped_msg
 from msg_helpers.trajectories import stamped_poses
 
@@ -26,19 +28,24 @@ class Follower:
     """Publishes the commands of a planner as the gripper's poses, some time after they are due.
 
     Commands with stamps are due then, and single ones, which count where there are no others, when
-    they come. It stands at `pose` of the tool frame first, and is `lag` s late.
+    they come. It stands at `pose` of the tool frame first, and is `lag` s late. `arm`: the gripper,
+    or another one.
     """
 
     def __init__(self, node: Node, planner: str, pose: Pose, lag: float = 0.05,
-                 rate: float = 50.0) -> None:
-        self._node, self._lag, self._lock = node, lag, Lock()
+                 rate: float = 50.0, arm: str = GRIPPER) -> None:
+        self._node, self._lag, self._lock, self._arm = node, lag, Lock(), arm
+        heard, told = (('gripper_pose', 'gripper_command') if arm == GRIPPER
+                       else (pose_topic(arm), f'gripper_command/{arm}'))
         self._pose, self._frame_id = pose, 'world'
         self._coming: deque[tuple[float, Pose]] = deque(maxlen=_KEPT)
         self._times: list[float] = []  # of commands with stamps, s
         self._told: list[Pose] = []
-        self._out = node.create_publisher(PoseStamped, f'{planner}/gripper_pose',
+        self.silent = False  # whether it reports nothing
+        self._stands = False
+        self._out = node.create_publisher(PoseStamped, f'{planner}/{heard}',
                                           qos_profile_sensor_data)
-        self._in = node.create_subscription(PoseStamped, f'{planner}/gripper_command',
+        self._in = node.create_subscription(PoseStamped, f'{planner}/{told}',
                                             self._on_command, REQUEST)
         self._ahead_in = node.create_subscription(
             MultiDOFJointTrajectory, f'{planner}/gripper_commands_ahead', self._on_ahead, REQUEST)
@@ -51,6 +58,17 @@ class Follower:
             self._pose = pose
             self._coming.clear()
             self._times, self._told = [], []
+
+    def stand(self) -> None:
+        """Follow no more."""
+        with self._lock:
+            self._stands = True
+
+    @property
+    def pose(self) -> Pose:
+        """The Pose where it is."""
+        with self._lock:
+            return self._pose
 
     @property
     def told(self) -> list[Pose]:
@@ -72,7 +90,9 @@ class Follower:
                 self._coming.append((monotonic(), pose_from_msg(msg.pose)))
 
     def _on_ahead(self, msg: MultiDOFJointTrajectory) -> None:
-        times, poses = stamped_poses(msg)
+        if self._arm not in msg.joint_names:
+            return
+        times, poses = stamped_poses(msg, self._arm)
         with self._lock:
             self._frame_id = msg.header.frame_id
             kept = bisect_left(self._times, times[0] - _SAME)
@@ -85,7 +105,9 @@ class Follower:
                 self._pose = self._coming.popleft()[1]
             now = 1e-9 * self._node.get_clock().now().nanoseconds - self._lag
             due = bisect_right(self._times, now + _SAME)
-            self._pose = self._told[due - 1] if due else self._pose
+            self._pose = self._told[due - 1] if due and not self._stands else self._pose
             pose = self._pose
+        if self.silent:
+            return
         self._out.publish(pose_stamped_msg(pose, self._frame_id,
                                            self._node.get_clock().now().to_msg()))

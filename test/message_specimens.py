@@ -24,7 +24,7 @@ def arguments():
         'stamp': Time(), 'frame': Pose.identity(), 'poses.wrench_in.at': Pose.identity(),
         'wrench': (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 'obstacles.obstacles_msg.friction': 0.3,
         'poses.pose_from_msg.msg': stamped.pose,
-        'markers.primitives_after.msg': MarkerArray(),
+        'markers.primitives_after.msg': MarkerArray(), 'markers.holds_msg.holds': (),
         'obstacles.obstacles_after.msg': MarkerArray(),
         'clouds.points_from_cloud.msg': cloud_msg(np.ones((2, 3)), 'world'),
         'poses.pose_from_stamped.msg': stamped,

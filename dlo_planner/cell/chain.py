@@ -40,7 +40,7 @@ if not hasattr(mujoco.mjtIntegrator, 'mjINT_DISCRETE'):
 mujoco.set_mju_user_warning(lambda message: None)
 
 __all__ = ['DLO', 'SCENE', 'Chain', 'add_chain', 'add_far_grip', 'add_grip', 'add_gripper',
-           'chain_of', 'mujoco', 'set_rest', 'set_springs']
+           'chain_of', 'mujoco', 'place_in', 'set_rest', 'set_springs']
 
 _GAUSS = np.polynomial.legendre.leggauss(5)
 _ORDERS = (1, 0, 2), (2, 0, 1)  # axes of the hinges in the order of the strains
@@ -199,19 +199,28 @@ def add_far_grip(spec: mujoco.MjSpec, chain: Chain, grip: str) -> None:
         held.data[10] = chain.length  # a rad counts as so many m
 
 
-def add_grip(spec: mujoco.MjSpec, chain: Chain, number: int, s: float) -> None:
-    """Add a hand, by its number, that may clamp the place `s` (m) of the DLO, in a piece.
+def place_in(chain: Chain, s: float) -> tuple[int, float]:
+    """Return the piece in which the place `s` (m) of the DLO is, and where in it, m."""
+    piece = int(np.clip(np.floor(s / chain.cell - 0.5), 0, len(chain.masses) - 1))
+    return piece, s - (piece + 0.5) * chain.cell
+
+
+def add_grip(spec: mujoco.MjSpec, chain: Chain, number: int, s: float,
+             grip: str = 'clamped') -> None:
+    """Add a hand, by its number, that may clamp or pin the place `s` (m) of the DLO, in a piece.
 
     It is a body that is placed, and does not hold as yet. A piece has the direction of its middle:
     places there, at a multiple of a cell, are held most exactly.
     """
-    piece = int(np.clip(np.floor(s / chain.cell - 0.5), 0, len(chain.masses) - 1))
+    piece, off = place_in(chain, s)
     spec.worldbody.add_body(name=f'hand {number}', mocap=True).add_site(name=f'hand {number}')
     spec.body(f'piece {piece}').add_site(
-        name=f'held {number}', pos=(s - (piece + 0.5) * chain.cell, 0, 0))
-    held = spec.add_equality(type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_SITE,
+        name=f'held {number}', pos=(off, 0, 0))
+    kind = mujoco.mjtEq.mjEQ_WELD if grip == 'clamped' else mujoco.mjtEq.mjEQ_CONNECT
+    held = spec.add_equality(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE,
                              name1=f'held {number}', name2=f'hand {number}', active=False)
-    held.data[10] = _LEVER * chain.length  # a rad counts as so many m
+    if grip == 'clamped':
+        held.data[10] = _LEVER * chain.length  # a rad counts as so many m
 
 
 def set_springs(model: mujoco.MjModel, chain: Chain) -> Floats:

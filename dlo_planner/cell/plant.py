@@ -30,6 +30,7 @@ from dlo_planner.cell.chain import (
     add_gripper,
     chain_of,
     mujoco,
+    place_in,
     set_rest,
     set_springs,
 )
@@ -98,7 +99,9 @@ class Plant:
     proportion to the stiffness, and `least_damping` at least: the engine has some of its own. A
     `far_end`, clamped or pinned, is led there straight from where it hangs; so is what the first
     of the `hands` holds. Those are all the hands that come to hold the DLO, clamped, each at its
-    place (`close`, `open`); one that does so at several places is as many of them.
+    place (`close`, `open`); one that does so at several places is as many of them. The `fittings`,
+    clamped or pinned, take hold of whatever place comes to lie in them (`snap`); obstacles that
+    are not there at first, as what shuts a fork, come when they are told to (`put`).
 
     Raises InvalidTask where the DLO touches an obstacle at first, NotConverged where it does not
     come to rest.
@@ -108,7 +111,7 @@ class Plant:
                  truth: Truth | None = None, cells: int = 40, step: float = 1e-3,
                  damping: float = 0.005, gravity: ArrayLike = _GRAVITY,
                  course: Course | None = None, far_end: FarEnd | None = None,
-                 hands: Iterable[Hold] = ()) -> None:
+                 hands: Iterable[Hold] = (), fittings: Iterable[Hold] = ()) -> None:
         instance('rod', rod, Rod)
         instance('gripper', gripper, Pose)
         self.truth = Truth() if truth is None else instance('truth', truth, Truth)
@@ -120,6 +123,10 @@ class Plant:
         for hand in self.hands:
             if hand.grip != 'clamped' or hand.s is None:
                 raise InvalidTask(f'hands: {hand!r}: expected clamped ones, each at a place s')
+        self.fittings = items('fittings', fittings, Hold)
+        for fitting in self.fittings:
+            if fitting.grip not in ('clamped', 'pinned'):
+                raise InvalidTask(f'fittings: {fitting!r}: expected clamped or pinned ones')
         # of those that are closed: where their DLO is, seen from where they are meant to be
         self._grasps: dict[int, Pose] = {}
         self._build(items('obstacles', obstacles, OBSTACLES), vector('gravity', gravity, 3),
@@ -161,6 +168,33 @@ class Plant:
         self._data.eq_active[self._hand(hand)] = 1
         return float(np.linalg.norm(there.position - pose.position))
 
+    def snap(self, fitting: int) -> float:
+        """Let one of the `fittings`, by its index, hold what lies in it; return that place, m.
+
+        It takes the DLO as it is there, and is a hand from then on, after the others: `move` may
+        lead it into its seat.
+        """
+        k, seat = len(self.hands) + fitting, self.fittings[fitting].pose
+        s = np.linspace(0, self._chain.length, _FINE * len(self._chain.masses) + 1)
+        for _ in range(2):  # the second time between those
+            away = np.linalg.norm(self._curve(s) - seat.position, axis=1)
+            at = float(s[away.argmin()])
+            s = np.clip(at + np.linspace(-1, 1, 101) * (s[1] - s[0]), 0, self._chain.length)
+        piece, off = place_in(self._chain, at)
+        site = self._model.site(f'held {k}').id
+        self._model.site_bodyid[site] = self._model.body(f'piece {piece}').id
+        self._model.site_pos[site] = (off, 0, 0)
+        mujoco.mj_kinematics(self._model, self._data)
+        self.close(k, self.grasped(k))
+        return at
+
+    def put(self, obstacle: int, there: bool = True) -> None:
+        """Let one of the obstacles, by its index, be there, or not."""
+        for geom, owner in enumerate(self._owner):
+            if owner == obstacle:
+                self._model.geom_contype[geom] = SCENE if there else 0
+                self._model.geom_conaffinity[geom] = DLO if there else 0
+
     def open(self, hand: int) -> None:
         """Open one of the `hands`, by its index."""
         self._data.eq_active[self._hand(hand)] = 0
@@ -168,7 +202,7 @@ class Plant:
 
     def _hand(self, hand: int) -> int:
         """Return the number of a hand's equality, and of its body among those that are placed."""
-        return int(self._model.neq) - len(self.hands) + hand
+        return int(self._model.neq) - len(self.hands) - len(self.fittings) + hand
 
     def _place_hand(self, grip: int, pose: Pose) -> None:
         self._data.mocap_pos[grip] = pose.position
@@ -266,6 +300,8 @@ class Plant:
         for k, hand in enumerate(self.hands):
             assert hand.s is not None  # judged when it was given
             add_grip(spec, self._chain, k, hand.s)
+        for k, fitting in enumerate(self.fittings, start=len(self.hands)):
+            add_grip(spec, self._chain, k, 0.5 * self._chain.length, fitting.grip)
         for k, obstacle in enumerate(obstacles):
             add_obstacle(spec, obstacle, k)
         self._obstacles = obstacles

@@ -50,6 +50,7 @@ _SPRINGS = (('spring', 1e5, 1e8), ('held_spring', 1e3, 1e8), ('hold_spring', 1e2
 _PAIR_SPRING = 3.0
 SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compared
 _LEVER = 0.1  # of the length
+_COARSE = 16  # elements of a mesh on which a first shape is sought
 _SAME = 1e-9        # of the length
 _SAME_NODE = 1e-12  # the same: nodes of two meshes that are one
 
@@ -721,6 +722,18 @@ class Discretization(Value):
         s = np.empty(2 * self.s.size - 1)
         s[::2], s[1::2] = self.s, 0.5 * (self.s[1:] + self.s[:-1])
         return Discretization(self.surroundings, s, 'local', 0)
+
+    @cached_property
+    def coarser(self) -> Discretization | None:
+        """The same rod on 16 elements, one unknown strain in each; None if it has few anyway.
+
+        And where something begins or acts inside, whose places a coarse mesh does not have.
+        """
+        count = self.s.size - 1
+        if count < 2 * _COARSE or len(self.surroundings.breaks):
+            return None
+        kept = np.round(np.linspace(0, count, _COARSE + 1)).astype(int)
+        return Discretization(self.surroundings, self.s[kept], 'local', 0)
 
     @cached_property
     def local(self) -> Discretization:

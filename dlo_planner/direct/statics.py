@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dlo_planner.direct.coarse import coarsely
 from dlo_planner.direct.discretization import NOWHERE, ContactPoints, Discretization, Memory
 from dlo_planner.direct.search import (
     EXACT,
@@ -483,8 +484,15 @@ def _initial_placement(mesh: Discretization, strains: Floats, begin: Grips, goal
     firm = _with_firm_torsion(mesh)
     bare = firm.within(replace(firm.surroundings, obstacles=())) if amid else firm
     past = bare.past(memory)
-    gripper, strains, past, _ = _first_shape(bare, gripper, holds, past) or _follow_way(
-        bare, strains, begin, goal, past, parts, False)
+
+    def led(coarse: Discretization) -> Shape:
+        far = _follow_way(coarse, coarse.strains_from(mesh.s, strains), begin, goal, coarse.start,
+                          parts, False)
+        return equilibrium(coarse, far.gripper, far.strains, far.memory, holds)
+
+    gripper, strains, past, _ = (
+        _first_shape(bare, gripper, holds, past) or coarsely(bare, gripper, holds, past, parts, led)
+        or _follow_way(bare, strains, begin, goal, past, parts, False))
     if amid:
         shape = equilibrium(bare, gripper, strains, past, holds)
         past = changed(firm.past(memory), hold=shape.state.left.hold)

@@ -50,7 +50,8 @@ class Cause(IntEnum):
     PLANNING_DEADLINE = 206, 'the plan was not found within `threading.planning_deadline`'
     PLANNING_CANCELED = 207, '`cancel` was called, or the node ends, while the plan was made'
     SCENE_CHANGED = 208, 'obstacles or parameters changed while the plan was made'
-    FAR_END_HELD = 209, 'the far end is held: what is asked for is of a DLO whose end is free'
+    FAR_END_HELD = 209, ('the far end or another place is held: what is asked for is of a DLO that '
+                         'the gripper alone holds')
     NO_ROOM = 210, ('the DLO does not pass the hole, along its normal or obliquely, or with less '
                     'than `threading.margin`: the message says what would help')
     PROOF_PENDING = 300, 'the plan is still being checked: ask again'

@@ -10,9 +10,14 @@ that takes them one by one, or by their stamps, follows the motion as it was pro
 With a horizon the motion goes on by the clock of the stamps, whether the machine is late or not: a
 robot that has a preview with stamps (`Ahead`) does not wait for this machine.
 Without one, a robot follows each command as it comes, and a late command delays the motion.
+
+Where other arms hold the DLO as well, all go by the same time along their ways: one that is late,
+or is not heard of, stops all, and they come to rest together.
 """
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,11 +27,19 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Enabled, Feedback, Guards
-from dlo_planner.execute.limiter import Limiter, Rising, accelerate, decelerate, used
+from dlo_planner.execute.limiter import (
+    Limiter,
+    Rising,
+    accelerate,
+    decelerate,
+    used,
+    used_by,
+)
 from dlo_planner.identify.online_trajectory import NARROWEST, WIDEST, Change, CorrectedTrajectory
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.requirements import Limits
+from dlo_planner.plan.stage import GRIPPER
 from dlo_planner.trajectory.modal_response import slowest_period
 from dlo_planner.trajectory.timed_path import TimedPath
 
@@ -46,6 +59,9 @@ _NOTICED = 1e-3, 5e-3  # m, rad; a robot that is nearer to the beginning goes th
 _AGO = -1e6    # s
 _LEAST_WINDOW, _NEXT = 0.1, 1.1  # s; each duration that is tried is so many times the last one.
 EXACT = 1 + 1e-3  # of a limit: differences of rounded numbers
+# what all arms of a motion have in common: how far it is, and why it ends
+_IN_STEP = ('phase', 'done', 'cause', 'reason', 'pace', 'rising', 'since', 'last', 'deadline', 'stamp',
+            'past', 'trail', 'published_until')
 
 
 class Ahead(NamedTuple):
@@ -77,8 +93,8 @@ def places_ahead(execution: 'Execution') -> Floats:
     steps = max(int(np.ceil((execution.published_until - done) / period - 1e-9)), 0)
     places = np.array([done, *execution.places(steps)])
     if execution.published_until < way.duration:
-        places = np.append(places, decelerate(way, execution.published_until, execution.kept,
-                                              period))
+        places = np.append(places, decelerate(execution.ways, execution.published_until,
+                                              execution.kept, period))
     return places
 
 
@@ -144,6 +160,8 @@ class Execution:
     last_published: float = -np.inf  # stamp of the last preview
     published_phase: str = ''  # that the last preview was of
     stall_displacement: float = 0.0  # m that late commands moved the gripper against its motion
+    name: str = GRIPPER       # of the arm that goes this way
+    others: tuple['Execution', ...] = ()  # of the other arms, each on a way of its own
     samples: 'Samples' = field(default=None, compare=False)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -159,6 +177,28 @@ class Execution:
     def active(self) -> bool:
         """Whether it is not at its end."""
         return self.phase in ACTIVE
+
+    @property
+    def arms(self) -> tuple['Execution', ...]:
+        """The execution itself, of the gripper, and those of the other arms."""
+        return (self, *self.others)
+
+    @property
+    def ways(self) -> list[TimedPath | CorrectedTrajectory]:
+        """The ways of all arms."""
+        return [one.way for one in self.arms]
+
+    def _each(self, change: Callable[['Execution'], 'Execution']) -> 'Execution':
+        """Return the execution after a change that each arm undergoes by itself."""
+        out = change(self)
+        return replace(out, others=tuple(map(change, self.others))) if self.others else out
+
+    def _in_step(self) -> 'Execution':
+        """Return the execution whose other arms are as far on their ways."""
+        if not self.others:
+            return self
+        common = {name: getattr(self, name) for name in _IN_STEP}
+        return replace(self, others=tuple(replace(one, **common) for one in self.others))
 
     def stop(self, cause: Cause, reason: str, at_once: bool = False,
              lasting: float = 0.0) -> 'Execution':
@@ -176,7 +216,7 @@ class Execution:
             return replace(named, phase='stopped')
         lead = int(np.ceil(LEAD / self.period - 1e-9)) if self.horizon else 0
         return replace(named, phase='stopping', pace=tuple(map(float, decelerate(
-            self.way, self.done, self.kept, self.period, lead, self.rising, lasting))))
+            self.ways, self.done, self.kept, self.period, lead, self.rising, lasting))))
 
     @property
     def alone(self) -> bool:
@@ -208,8 +248,9 @@ class Execution:
         return self.stop(Cause.CANCELED, 'canceled', not self.guards.decelerate_on_cancel)
 
     def tick(self, now: float, feedback: Feedback | None = None, stamp: float | None = None,
-             enabled: Enabled | None = None) -> 'Execution':
-        """Return the execution with its next command.
+             enabled: Enabled | None = None,
+             others: Mapping[str, Feedback] = MappingProxyType({})) -> 'Execution':
+        """Return the execution with its next command; `others`: what is heard of the other arms.
 
         However late it is called, without a horizon the motion goes on by one period at most: it
         stands still meanwhile, and does not jump. Where the gripper has come to rest by that, it
@@ -225,8 +266,11 @@ class Execution:
         if paused:
             return replace(self, phase='stopped', last=now, sending=None,
                            cause=self.cause or Cause.PAUSED, reason=self.reason or paused)
-        timed = replace(timed, last=now, feedback=feedback, enabled=enabled, sending=None,
-                        feedback_age=self._feedback_age(feedback, now, min(waited, self.period)))
+        heard = {**others, self.name: feedback}
+        timed = replace(timed, last=now)._in_step()._each(
+            lambda one: replace(one, sending=None, enabled=enabled, feedback=heard.get(one.name),
+                                feedback_age=one._feedback_age(heard.get(one.name), now,
+                                                               min(waited, self.period))))
         fault = timed.fault(stamp)
         next_one = timed.stop(*fault) if fault else timed
         if not self.horizon and waited > max(_LATE, 2.5 * self.period):
@@ -235,7 +279,7 @@ class Execution:
         if steps or self.stamp is None or turned_back:
             due = timed.deadline if self.horizon else None
             next_one = next_one._remembered(stamp if due is None else due)
-        return next_one._published(turned_back)._sent(now)
+        return next_one._published(turned_back)._sent(now)._in_step()
 
     def _due(self, clock: float) -> tuple['Execution', int, bool]:
         """Return how many commands are due at a time (s), and whether time was turned back.
@@ -262,9 +306,10 @@ class Execution:
             return self
         if self.phase == 'stopping':
             return replace(self, phase='stopped')
-        pace = accelerate(self.way, self.done, self.kept, self.period)
-        return replace(self, limiter=self.limiter.at_rest(), pace=tuple(map(float, pace)),
-                       rising=(0, len(pace)))
+        pace = accelerate(self.ways, self.done, self.kept, self.period)
+        return replace(self._each(lambda one: replace(
+            one, limiter=one.limiter and one.limiter.at_rest())),
+            pace=tuple(map(float, pace)), rising=(0, len(pace)))
 
     def _paused(self, passed: float) -> str:
         """Return in words why the rest is another motion after so many s, '' if it is not."""
@@ -293,12 +338,16 @@ class Execution:
         previewed = replace(self, last_published=self.stamp, published_phase=self.phase)
         if self.phase == 'running':
             steps = int(np.ceil(self.horizon / self.period - 1e-9))
-            previewed = replace(previewed, published_until=min(
-                self.done + steps * self.period, self.way.duration))
-        before = len(self.trail[:-1])
-        frames = self.way.frames([*self.trail[:-1], *places_ahead(previewed)])
-        if used(frames, self.kept, self.period) <= EXACT:
-            return replace(previewed, ahead=Ahead.of(self, *(part[before:] for part in frames)))
+            previewed = replace(previewed, published_until=min(self.done + steps * self.period,
+                                                     self.way.duration))
+        before, places = len(self.trail[:-1]), [*self.trail[:-1], *places_ahead(previewed)]
+        frames = [way.frames(places) for way in self.ways]
+        if max(used(one, self.kept, self.period) for one in frames) <= EXACT:
+            ahead = [Ahead.of(one, *(part[before:] for part in way))
+                     for one, way in zip(self.arms, frames, strict=True)]
+            return replace(previewed, ahead=ahead[0], others=tuple(
+                replace(one, ahead=other) for one, other in zip(
+                    previewed.others, ahead[1:], strict=True)))
         if self.phase == 'running':  # the preview before ends at rest
             return self.stop(Cause.LIMITS, 'the coming motion exceeds its limits')._published(True)
         return replace(self, phase='stopped')
@@ -313,26 +362,40 @@ class Execution:
             return self._sent_beside(now)
         if self.sending is None or self.limiter is None:
             return self
-        limiter = self.limiter.after(self.sending.compose(self.back.inverse()))
-        assert limiter.pose is not None  # it was given one
-        out = replace(self, limiter=limiter, sending=limiter.pose.compose(self.back))
-        if limiter.rest is None:
+        out = self._each(Execution._limited)
+        if all(one.limiter is None or one.limiter.rest is None for one in out.arms):
             return out
-        return replace(out, phase='stopping' if limiter.rest else 'stopped',
-                       pace=(out.done,) * len(limiter.rest), cause=self.cause or Cause.LIMITS,
+        out = out._each(lambda one: replace(one, limiter=one.limiter and one.limiter.stopping()))
+        left = max(len(one.limiter.rest or ()) for one in out.arms if one.limiter is not None)
+        return replace(out, phase='stopping' if left else 'stopped',
+                       pace=(out.done,) * left, cause=self.cause or Cause.LIMITS,
                        reason=self.reason or 'a command exceeds the limits')
 
+    def _limited(self) -> 'Execution':
+        """Return the execution of one arm that sends what its limits let through."""
+        assert self.sending is not None and self.limiter is not None  # all arms are commanded
+        limiter = self.limiter.after(self.sending.compose(self.back.inverse()))
+        assert limiter.pose is not None  # it was given one
+        return replace(self, limiter=limiter, sending=limiter.pose.compose(self.back))
+
     def _sent_beside(self, now: float) -> 'Execution':
-        single = self.single or Execution(
-            self.way, self.back, self.frame_id, _UNWATCHED, self.period, limits=self.limits,
-            begin=self.begin, done=self.begin)
+        single = self.single or replace(self._without_horizon(), others=tuple(
+            one._without_horizon() for one in self.others))
         if not single.active:  # it is at rest: at the end that is said again
-            return self if self.phase in ('settling', 'succeeded') else replace(self, sending=None)
+            return self if self.phase in ('settling', 'succeeded') else self._each(
+                lambda one: replace(one, sending=None))
         single = replace(single, way=self.way, samples=self.samples)
         if self.phase in ('stopping', 'stopped'):
             single = single.stop(self.cause, self.reason, self.phase == 'stopped')
         single = single.tick(now)
-        return replace(self, single=single, sending=single.sending)
+        return replace(self, single=single, sending=single.sending, others=tuple(
+            replace(one, single=beside, sending=beside.sending)
+            for one, beside in zip(self.others, single.others, strict=True)))
+
+    def _without_horizon(self) -> 'Execution':
+        """Return the same motion of this arm alone, by single commands and without guards."""
+        return Execution(self.way, self.back, self.frame_id, _UNWATCHED, self.period,
+                         limits=self.kept, begin=self.begin, done=self.begin, name=self.name)
 
     def _remembered(self, stamp: float) -> 'Execution':
         """Return the execution that has done what it has at a time (s) of the stamps' clock."""
@@ -385,14 +448,15 @@ class Execution:
     def advanced(self, steps: int) -> 'Execution':
         """Return the execution so many commands later."""
         if self.command is None:
-            first = replace(self, limiter=Limiter(self.kept, self.period),
-                            published_until=self.done)
+            first = self._each(lambda one: replace(
+                one, limiter=Limiter(self.kept, self.period), published_until=self.done))
             return first._commanded([self.done]).settled()
         if self.phase == 'settling':
             # Where this machine is late, the gripper may be late too, or what is heard of it.
             passed = self.period if steps and self.alone else 0.0
             out = replace(self, since=self.since + passed)
-            return (replace(out, sending=self.command) if steps else out).settled()
+            return (out._each(lambda one: replace(one, sending=one.command))
+                    if steps else out).settled()
         if self.phase not in ('running', 'stopping') or not steps:
             return self
         places = self.places(steps)
@@ -415,9 +479,13 @@ class Execution:
         """Return the execution with commands at times along its way, which are due now."""
         if not places:
             return self
-        command = self._pose(places[-1])
-        return replace(self, command=command, sending=command,
-                       trail=(*self.trail, *places)[-_SEEN - 1:])
+        trail = (*self.trail, *places)[-_SEEN - 1:]
+        return replace(self._each(lambda one: one._at(places[-1])), trail=trail)
+
+    def _at(self, place: float) -> 'Execution':
+        """Return the execution of one arm that is commanded to a time of its way, s."""
+        command = self._pose(place)
+        return replace(self, command=command, sending=command)
 
     def settled(self) -> 'Execution':
         """Return the execution at the end of its way: succeeded, too late, or still waiting.
@@ -434,8 +502,10 @@ class Execution:
         guards = self.guards
         if not (guards.goal_position or guards.goal_angle):
             return replace(self, phase='succeeded') if alone else self
-        away = self._off(guards.goal_position, guards.goal_angle, 'constraints.goal')
-        if away is None and self.feedback is not None and alone:
+        away = next(filter(None, (one._off(
+            guards.goal_position, guards.goal_angle, 'constraints.goal') for one in self.arms)),
+            None)
+        if away is None and alone and all(one.feedback is not None for one in self.arms):
             return replace(self, phase='succeeded')
         if self.since > guards.patience:
             late = f'{guards.patience:g} s after the end of the motion {away or "no pose came"}'
@@ -457,7 +527,14 @@ class Execution:
         return self.feedback_age + step
 
     def fault(self, stamp: float) -> tuple[Cause, str] | None:
-        """Return the cause and the reason to stop at a time (s) of the stamps' clock, or None."""
+        """Return the cause and the reason to stop at a time (s) of the stamps' clock, or None.
+
+        Of any arm.
+        """
+        return next(filter(None, (one._fault(stamp) for one in self.arms)), None)
+
+    def _fault(self, stamp: float) -> tuple[Cause, str] | None:
+        """Return the same of one arm."""
         guards, feedback, age = self.guards, self.feedback, self.feedback_age
         limit = guards.incoming_command_timeout
         if limit and not age <= limit:
@@ -517,29 +594,39 @@ class Execution:
             return None
         away = float(np.linalg.norm(feedback.pose.position - command.position))
         if position and away > position:
-            return (f'the gripper is {away:.3g} m from its command: expected {name}.position = '
-                    f'{position:g} m at most')
+            return (f'{self._called} is {away:.3g} m from its command: expected '
+                    f'{name}.position = {position:g} m at most')
         turned = angle_between(feedback.pose.rotation, command.rotation)
         if angle and turned > angle:
-            return (f'the gripper is turned by {turned:.3g} rad from its command: expected '
+            return (f'{self._called} is turned by {turned:.3g} rad from its command: expected '
                     f'{name}.angle = {angle:g} rad at most')
         return None
 
+    @property
+    def _called(self) -> str:
+        return called(self.name)
 
-def blend_from_current_pose(way: TimedPath, here: Pose, shape: Shape, limits: Limits,
-                            period: float) -> tuple[TimedPath | CorrectedTrajectory, float]:
-    """Return a motion that begins at a pose, and its time there, s: 0, or negative.
 
-    The gripper goes to the beginning of the way without swinging the DLO, within the limits, and
-    stands still; then it goes its way as that was proved: it is hardly ever exactly where the plan
-    begins.
+def called(name: str) -> str:
+    """Return what messages call an arm."""
+    return 'the gripper' if name == GRIPPER else f'the arm {name}'
+
+
+def blend_from_current_pose(ways: Sequence[TimedPath], here: Sequence[Pose], shape: Shape,
+                            limits: Limits,
+                            period: float) -> tuple[list[TimedPath | CorrectedTrajectory], float]:
+    """Return motions of k arms that begin at a pose each, and their time there, s: 0, or negative.
+
+    The arms go to the beginnings of their ways without swinging the DLO, within the limits, and
+    stand still; then they go their ways as those were proved: they are hardly ever exactly where
+    the plan begins. The gripper's way is the first.
     """
-    first = way.poses([0.0])[0]
-    turn = Rotation.from_matrix(here.rotation @ first.rotation.T).as_rotvec()
-    away = np.concatenate([turn, here.position - first.position])
-    if np.linalg.norm(away[3:]) <= _NOTICED[0] and np.linalg.norm(turn) <= _NOTICED[1]:
-        return way, 0.0
-    periods, least = _periods(way, shape), _LEAST_WINDOW
+    away = [_away(way.poses([0.0])[0], pose) for way, pose in zip(ways, here, strict=True)]
+    leaving = [np.linalg.norm(one[3:]) > _NOTICED[0] or np.linalg.norm(one[:3]) > _NOTICED[1]
+               for one in away]
+    if not any(leaving):
+        return list(ways), 0.0
+    periods, least = _periods(ways[0], shape), _LEAST_WINDOW
     while least <= WIDEST:
         # a window of several periods excites the vibration no more than one of one period
         windows = np.append(periods * np.maximum(np.ceil(least / periods - 1e-9), 1), least)
@@ -547,16 +634,25 @@ def blend_from_current_pose(way: TimedPath, here: Pose, shape: Shape, limits: Li
             break
         steps = int(np.ceil(windows.sum() / period))
         begin = -steps * period
-        motion = CorrectedTrajectory(way, windows, (Change(_AGO, np.zeros(1), away[None]),
-                                                    Change(begin, np.zeros(1), -away[None])))
+        begun: list[TimedPath | CorrectedTrajectory] = [
+            CorrectedTrajectory(way, windows, (Change(_AGO, np.zeros(1), one[None]),
+                                   Change(begin, np.zeros(1), -one[None]))) if leaves else way
+            for way, one, leaves in zip(ways, away, leaving, strict=True)]
         times = begin + period * np.arange(-3, steps + 1)
-        if used(motion.frames(times), limits, period) <= 1:
-            return motion, begin
+        if used_by(begun, times, limits, period) <= 1:
+            return begun, begin
         least *= _NEXT
-    raise Refused(Cause.NOT_AT_START, f'the gripper is {np.linalg.norm(away[3:]):.3g} m and '
-                  f'{np.linalg.norm(turn):.3g} rad from where the plan begins, which it cannot '
-                  f'reach calmly in {3 * WIDEST:g} s within its limits of speed, acceleration and '
-                  'jerk (threading.*): expected it to be nearer')
+    far = np.max([[np.linalg.norm(one[3:]), np.linalg.norm(one[:3])] for one in away], axis=0)
+    who = called(GRIPPER) if len(ways) == 1 else 'an arm'
+    raise Refused(Cause.NOT_AT_START, f'{who} is {far[0]:.3g} m and {far[1]:.3g} rad from where '
+                  f'the plan begins, which it cannot reach calmly in {3 * WIDEST:g} s within its '
+                  'limits of speed, acceleration and jerk (threading.*): expected it to be nearer')
+
+
+def _away(first: Pose, here: Pose) -> Floats:
+    """Return the rotation vector, rad, and displacement, m, (6,) from a Pose to another one."""
+    turn = Rotation.from_matrix(here.rotation @ first.rotation.T).as_rotvec()
+    return np.concatenate([turn, here.position - first.position])
 
 
 def _periods(way: TimedPath, shape: Shape) -> Floats:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
@@ -114,6 +115,12 @@ class Limiter:
             return replace(self, rest=self._stop()).after(wanted)
         return replace(self, pose=wanted, rates=np.stack([velocity, acceleration]))
 
+    def stopping(self) -> 'Limiter':
+        """Return the Limiter that comes to rest from here, whatever is wanted."""
+        if self.rest is not None or self.pose is None:
+            return self
+        return replace(self, rest=self._stop())
+
     def _stop(self) -> tuple[Pose, ...]:
         """Return the Poses on which the gripper comes to rest."""
         assert self.pose is not None  # a first command is let through
@@ -173,36 +180,47 @@ def _sizes(rows: Floats) -> Floats:
     return result
 
 
-def decelerate(way: TimedPath | CorrectedTrajectory, done: float, limits: Limits, period: float,
+Ways = Sequence[TimedPath | CorrectedTrajectory]  # of arms that go by one time
+
+
+def used_by(ways: Ways, times: ArrayLike, limits: Limits, period: float) -> float:
+    """Return the largest part of its limits that an arm uses at times (n,) s of its way, as `used`.
+
+    Times are one for each period (s).
+    """
+    return max(used(way.frames(times), limits, period) for way in ways)
+
+
+def decelerate(ways: Ways, done: float, limits: Limits, period: float,
                lead: int = 0, rising: Rising | None = None, lasting: float = 0.0) -> Floats:
-    """Return the times along a way, s, one for each coming period, on which it comes to rest."""
+    """Return the times along ways, s, one for each coming period, on which all come to rest."""
     def rate(since: Floats, steps: int) -> Floats:
         begun = _smooth((since + rising[0]) / rising[1]) if rising else 1.0
         return begun * (1 - _smooth((since - lead) / steps))
 
-    return _shortest(way, done, limits, period, rate, lead, lasting)
+    return _shortest(ways, done, limits, period, rate, lead, lasting)
 
 
-def accelerate(way: TimedPath | CorrectedTrajectory, done: float, limits: Limits,
-               period: float) -> Floats:
-    """Return the times along a way, s, one for each coming period, on which it begins to run."""
-    return _shortest(way, done, limits, period, lambda since, steps: _smooth(since / steps), 0)
+def accelerate(ways: Ways, done: float, limits: Limits, period: float) -> Floats:
+    """Return the times along ways, s, one for each coming period, on which they begin to run."""
+    return _shortest(ways, done, limits, period, lambda since, steps: _smooth(since / steps), 0)
 
 
-def _shortest(way: TimedPath | CorrectedTrajectory, done: float, limits: Limits, period: float,
+def _shortest(ways: Ways, done: float, limits: Limits, period: float,
               rate: Callable[[Floats, int], Floats], lead: int, least: float = 0.0) -> Floats:
-    """Return the times along a way in the shortest change of its rate that keeps the limits.
+    """Return the times along ways in the shortest change of their rate that keeps the limits.
 
     It takes `least` s at least.
     """
-    speeds = np.linalg.norm(way.at([done])[1].reshape(2, 3), axis=1)
+    speeds = np.max([np.linalg.norm(way.at([done])[1].reshape(2, 3), axis=1) for way in ways],
+                    axis=0)
     guess = float((_GUESSED * speeds / limits.sizes[1]).max())
     steps, found = max(_SHORTEST, int(np.ceil(max(guess, least) / period))), []
     while True:
         since = np.arange(-_SEEN, lead + steps + _SEEN)[:, None] + _NODES
         times = period * np.append(0.0, np.cumsum(rate(since, steps) @ _WEIGHTS))
         times += done - times[_SEEN]
-        part = used(way.frames(times), limits, period)
+        part = used_by(ways, times, limits, period)
         found.append((part, times[_SEEN + 1:_SEEN + 1 + lead + steps]))
         if part <= 1 or steps * period > max(_LONGEST, least):
             return min(found, key=lambda one: one[0])[1] if part > 1 else found[-1][1]

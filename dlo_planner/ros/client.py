@@ -136,7 +136,7 @@ class DloCommander(Node):
         _judged(end)
 
     def trigger(self, name: str) -> str:
-        """Call cancel, reset, replan or identify; return what the node says."""
+        """Call cancel, reset, replan, next_stage or identify; return what the node says."""
         while before := self._found(name, {}):  # of other calls
             self._said.remove(before)
         answer = self._call(Trigger, name, Trigger.Request())

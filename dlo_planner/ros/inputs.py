@@ -8,6 +8,7 @@ from contextlib import suppress
 from math import hypot
 from typing import Any
 
+from builtin_interfaces.msg import Time as Stamp
 from geometry_msgs.msg import PoseStamped, Quaternion
 from nav_msgs.msg import Goals
 from rclpy.duration import Duration
@@ -17,12 +18,13 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.execute.guards import Feedback
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.scene import Scene
 from msg_helpers.obstacles import obstacles_after
-from msg_helpers.poses import header, pose_from_msg, pose_from_stamped, pose_msg
+from msg_helpers.poses import header, pose_from_msg, pose_from_stamped, pose_msg, seconds_of
 
 _PATIENCE = 0.1  # s that a transform may come later than a pose
 _LONGEST = 256   # characters of a name: what is longer is neither looked up nor said
@@ -93,6 +95,21 @@ def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: Frames = _ONE) ->
     there = origin.compose(pose)
     judge_distance(there.position, scene, f'{name} in {scene.frame_id}: pose')
     return there
+
+
+def feedback_of(node: Any, pose: Pose, stamp: Stamp, arrived: float,
+                deviation: float | None = None) -> Feedback:
+    """Return what a pose with a stamp says of the gripper, or of another arm.
+
+    `arrived`: s, on a steady clock; `deviation`: of the DLO from its plan, m; None: it is another
+    arm's, which without a stamp is of now.
+    """
+    age = 1e-9 * (node.get_clock().now().nanoseconds - stamp.nanosec) - stamp.sec
+    if deviation is not None:
+        return Feedback(pose, arrived, age, deviation, seconds_of(stamp))
+    if stamp.sec or stamp.nanosec:
+        return Feedback(pose, arrived, age, stamp=seconds_of(stamp))
+    return Feedback(pose, arrived)
 
 
 def bodies_in(scene: Scene, msg: MarkerArray, name: str,

@@ -149,9 +149,15 @@ class Entities:
         self._open, self._calls, self._changed = False, 0, Condition()
 
     def add_publisher(self: Any, kind: Any, topic: str, qos: QoSProfile) -> Any:
-        """Return a lifecycle publisher: the node's transitions switch it."""
-        return self._keep(self.destroy_lifecycle_publisher,
+        """Return a lifecycle publisher: the node's transitions switch it.
+
+        One that is made while the node is open acts at once.
+        """
+        made = self._keep(self.destroy_lifecycle_publisher,
                           self.create_lifecycle_publisher(kind, topic, qos))
+        if self.is_open:
+            made.on_activate(None)
+        return made
 
     def add_subscription(self: Any, kind: Any, topic: str, callback: Callable[..., Any],
                          qos: QoSProfile, group: Any = None, always: bool = False,

@@ -22,6 +22,7 @@ from dlo_planner.execute.causes import Cause
 from dlo_planner.exercises import answers, closed_loop, first_shapes, looks, proofs
 from dlo_planner.model.rod import doubts
 from dlo_planner.ros.arm import ArmOutput
+from dlo_planner.ros.arms import Arms
 from dlo_planner.ros.estimate import Estimator
 from dlo_planner.ros.inputs import Frames
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST, Desk, LifecycleNode
@@ -141,12 +142,14 @@ class PlannerNode(LifecycleNode):
         self.estimator = Estimator(shared, group['looks'], asking)
         self.predictor = ShapePredictor(shared, group['control'], asking,
                                         self.estimator.gripper)
+        arms = Arms(shared)
         arm = ArmOutput(self, group['topics'], self.predictor.hear)
         self.proof_server = ProofServer(shared, self._prover, arm)
-        self.planning_server = PlanningServer(shared, self.proof_server.look, group['tasks'],
-                                              planning)
-        self.streamer = TrajectoryStreamer(shared, self.planning_server, self.estimator.observing,
-                                           self._looping, arm, group['commands'], group['control'])
+        self.planning_server = PlanningServer(shared, self.proof_server.look, arms,
+                                              group['tasks'], planning)
+        self.streamer = TrajectoryStreamer(
+            shared, self.planning_server, self.estimator.observing, self._looping, arm, arms,
+            group['commands'], group['control'])
 
         def flush() -> None:
             with shared.status.answering('markers', told=False):

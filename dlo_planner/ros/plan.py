@@ -29,10 +29,12 @@ from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of, threading_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.holds import FarEnd
+from dlo_planner.model.holds import Holds, alike
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import OBLIQUE, Plan
+from dlo_planner.plan.stage import arm_of
 from dlo_planner.progress import Progress, interrupted_by
+from dlo_planner.ros.arms import Arms
 from dlo_planner.ros.inputs import goals_in, judge_distance, pose_in
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.ros.scene import Scene
@@ -61,12 +63,15 @@ _BY_DEFAULT: Mapping[str, Any] = {'Thread': {'type': 'Thread'}, 'Insert': {'type
 
 
 class PlanningServer(Part):
-    """Answers planning requests, one at a time; `prove` is called when there is a plan to prove."""
+    """Answers planning requests, one at a time; `prove` is called when there is a plan to prove.
 
-    def __init__(self, shared: Shared, prove: Callable[[], object], tasks: Any,
+    `arms` has the topics of the arms that a plan moves.
+    """
+
+    def __init__(self, shared: Shared, prove: Callable[[], object], arms: Arms, tasks: Any,
                  planning: Any) -> None:
         super().__init__(shared)
-        self._prove = prove
+        self._prove, self._arms = prove, arms
         self._turn = Lock()        # one plan after the other
         self._job: list[str] | None = None  # the plan that is made: why it is not wanted any more
         self._ended = ''           # why none may begin
@@ -175,6 +180,9 @@ class PlanningServer(Part):
         with self._answering('next_stage', answer=response) as outcome:
             state = self.store.state
             made, proof = state.planned, state.proof
+            if state.executing:
+                raise Refused(Cause.EXECUTING, 'next_stage: a plan is being executed: expected its '
+                              'end')
             if made is None or made.whole is None:
                 raise Refused(Cause.NO_PLAN, 'next_stage: expected a plan in stages, as of a '
                               'ThreadInGrasps; ' + (state.no_plan if made is None else
@@ -189,12 +197,12 @@ class PlanningServer(Part):
                               f'{made.whole.stages[made.stage].name} is the last stage')
             stamp = self.node.get_clock().now().to_msg()
             following = replace(made.in_stage(made.following), stamp=stamp, asked=outcome.stamp)
-            self._take(following)
+            self._take(following, grasped=True)
             self.statistics.note({'plan stamp': stamp_text(stamp),
                                   **proof_figures(Proof(following.plan))})
             self._prove()
-            outcome.message = f'{len(following.plan)} gripper poses{_stage_said(following)}'
-            outcome.values = {'plan stamp': stamp_text(stamp), **_of_stage(following)}
+            outcome.message = f'{len(following.plan)} gripper poses{stage_said(following)}'
+            outcome.values = {'plan stamp': stamp_text(stamp), **of_stage(following)}
         return response
 
     @contextmanager
@@ -226,11 +234,14 @@ class PlanningServer(Part):
             raise Refused(Cause.INVALID_PARAMETER, 'parameter rod.grasped_at = 0: expected '
                           f'{task.held_inside:g}, where the task says that the gripper holds the '
                           'DLO')
-        held = state.held_at(begun)
-        if held is not None and not task.takes_held:
-            raise Refused(Cause.FAR_END_HELD, 'far_end_pose: the far end is held: expected '
-                          'far_end.hold = free, or no pose, for the plan of a '
-                          f'{type(task).__name__}')
+        held = state.holds_at(begun)
+        if held and not task.takes_held:
+            raise Refused(Cause.FAR_END_HELD, (
+                'far_end_pose: the far end is held: expected far_end.hold = free, or no pose'
+                if state.held_at(begun) is not None else
+                f'the DLO is held by {", ".join(map(arm_of, held))}, as the last plan says: '
+                'expected ~/reset when the gripper alone holds it')
+                + f', for the plan of a {type(task).__name__}')
         plan, before = self._interruptible(
             state.scene['threading.planning_deadline'],
             lambda: explained(partial(make_plan, state.scene, task, start, state.shape, miss,
@@ -264,17 +275,19 @@ class PlanningServer(Part):
             **{f'plan {name}': value for name, value in figures.items()},
             **proof_figures(Proof(plan))})  # what was said of the plan before is over
         self._prove()
-        outcome.message = f'{len(plan)} gripper poses{_stage_said(made)}'
+        outcome.message = f'{len(plan)} gripper poses{stage_said(made)}'
         outcome.values = {'task': type(task).__name__, 'plan stamp': stamp_text(stamp),
-                          'seconds': seconds, **figures, **_of_plug(plan), **_of_stage(made)}
+                          'seconds': seconds, **figures, **_of_plug(plan), **of_stage(made)}
         self.status.info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
                          f'largest miss {plan.position_error.max():.1e} m, '
                          f'smallest stability {plan.stability.min():.2f}{said}')
         return path
 
-    def _take(self, made: PlanResult) -> Path:
-        """Keep a plan, and publish and return its Path."""
-        self.store.change(lambda now: now.with_plan(made))
+    def _take(self, made: PlanResult, grasped: bool = False) -> Path:
+        """Keep a plan, and publish and return its Path; `grasped`: what it begins with holds."""
+        self.store.change(lambda now: (
+            now.grasped(made.plan.shapes[0]) if grasped else now).with_plan(made))
+        self._arms.take(made)
         path = tool_path(made)
         self._out.publish(path)
         return path
@@ -347,15 +360,15 @@ def tool_path(made: PlanResult) -> Path:
 
 def make_plan(scene: Scene, task: Task, start: Pose | None, shape: Shape | None,
               miss: float | None = None,
-              held: FarEnd | None = None) -> tuple[Plan, Shape | None]:
+              held: Holds = ()) -> tuple[Plan, Shape | None]:
     """Return the Plan of a task, and the Shape that it begins with, None: any.
 
-    `held`: what holds the far end now; None: it is free.
+    `held`: what holds the DLO now beside the gripper.
     """
     here = shape if shape is not None and start is not None and _same(shape.gripper, start) and (
-        _held_same(shape.far_end, held)) else None
-    if held is not None and here is None and start is not None:
-        here = scene.direct.without_obstacles().track([start], initial=shape, far_ends=[held])[0]
+        _held_same(shape.holds, held)) else None
+    if held and here is None and start is not None:
+        here = scene.direct.without_obstacles().track([start], initial=shape, holds=held)[0]
     plan = plan_task(scene.inverse, task, scene.values, start=start, initial=here, miss=miss)
     if len(plan) == 1:
         raise InvalidTask('start = None: expected the pose of the gripper now, where a plan of '
@@ -363,14 +376,13 @@ def make_plan(scene: Scene, task: Task, start: Pose | None, shape: Shape | None,
     return plan, here if start is not None and _same(plan.grippers[0], start) else None
 
 
-def _held_same(one: FarEnd | None, other: FarEnd | None) -> bool:
-    """Whether the far end is held by both in the same way, or by none."""
-    if one is None or other is None:
-        return one is other
-    return one.grip == other.grip and _same(one.pose, other.pose)
+def _held_same(some: Holds, others: Holds) -> bool:
+    """Whether the DLO is held by both in the same way."""
+    return alike(some, others) and all(
+        _same(one.pose, other.pose) for one, other in zip(some, others, strict=True))
 
 
-def _stage_said(made: PlanResult) -> str:
+def stage_said(made: PlanResult) -> str:
     """Return in words which stage a plan is of, and what is to be done after it; '' of a whole."""
     if made.whole is None:
         return ''
@@ -379,7 +391,7 @@ def _stage_said(made: PlanResult) -> str:
             f'{len(made.whole.stages)}; then {then}')
 
 
-def _of_stage(made: PlanResult) -> dict[str, str | int]:
+def of_stage(made: PlanResult) -> dict[str, str | int]:
     """Return which stage a plan is of, and what opens and closes after it; nothing of a whole."""
     if made.whole is None:
         return {}

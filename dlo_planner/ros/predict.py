@@ -17,36 +17,35 @@ from std_srvs.srv import Trigger
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.execute.guards import Feedback
-from dlo_planner.model.holds import GRIPS, FarEnd
+from dlo_planner.model.holds import GRIPS, FarEnd, Holds
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.stage import arm_of
 from dlo_planner.progress import Latest
-from dlo_planner.ros.inputs import inside_of, pose_in
+from dlo_planner.ros.inputs import feedback_of, inside_of, pose_in
 from dlo_planner.ros.lifecycle import LATCHED
 from dlo_planner.ros.plan import refuse_tolerance
 from dlo_planner.ros.scene import Scene
-from dlo_planner.ros.state import State
+from dlo_planner.ros.state import State, pose_topic
 from dlo_planner.ros.status import Part, Shared
 from dlo_planner.view.scene import shape_primitives
-from msg_helpers.poses import seconds_of, wrench_in, wrench_msg
+from msg_helpers.poses import wrench_in, wrench_msg
 from msg_helpers.trajectories import shape_bytes, shape_path
 
 _STANDS = 0.05  # s without a gripper pose, after which the far end's poses give shapes
 
 
 def predicted(state: State, gripper: Pose, name: str, initial: Shape | None = None,
-              far_end: FarEnd | None = None) -> Shape:
-    """Return the Shape of the DLO in a gripper Pose."""
+              holds: Holds = ()) -> Shape:
+    """Return the Shape of the DLO in a gripper Pose, and in Holds."""
     if state.scene.grasped is not None:
         shape = state.scene.grasped.track([gripper], initial=initial)[0]
     else:
-        shape = state.scene.direct.track([gripper], initial=initial, far_ends=None
-                                         if far_end is None else [far_end])[0]
+        shape = state.scene.direct.track([gripper], initial=initial, holds=holds)[0]
     if shape.converged:
         return shape
-    if far_end is not None:
-        span = float(np.linalg.norm(far_end.pose.position - gripper.position))
-        name = f'{name}, far_end_pose {span:.3g} m away'
+    for hold in holds:
+        span = float(np.linalg.norm(hold.pose.position - gripper.position))
+        name = f'{name}, {pose_topic(arm_of(hold))} {span:.3g} m away'
     inside = inside_of(state.scene, gripper, name)
     if inside:
         raise Refused(Cause.IN_OBSTACLE, inside)
@@ -98,7 +97,7 @@ class ShapePredictor(Part):
     def _hear(self, pose: Pose, stamp: Time) -> None:
         self.statistics.count('poses received')
         arrived = monotonic()
-        heard = self._heard(pose, stamp, arrived, self._follows(pose, stamp))
+        heard = feedback_of(self.node, pose, stamp, arrived, self._follows(pose, stamp))
         state = self.store.change(lambda state: state.with_feedback(heard))
         self._look(pose.compose(state.scene.tool), stamp, arrived)
 
@@ -110,17 +109,11 @@ class ShapePredictor(Part):
                 raise Refused(Cause.INVALID_PARAMETER, 'far_end_pose: it has no effect with '
                               f'far_end.hold = free: expected one of {", ".join(GRIPS)}')
             pose = pose_in(scene, msg, 'far_end_pose', self.frames)
-            heard = self._heard(pose, msg.header.stamp, arrived, np.nan)
-            if not (msg.header.stamp.sec or msg.header.stamp.nanosec):
-                heard = replace(heard, age=0.0)  # without a stamp it is of now
+            heard = feedback_of(self.node, pose, msg.header.stamp, arrived)
             state = self.store.change(lambda state: replace(state, far_end=heard))
             last = state.feedback
             if state.gripper is not None and (last is None or arrived - last.arrived > _STANDS):
                 self._look(state.gripper, msg.header.stamp, arrived)
-
-    def _heard(self, pose: Pose, stamp: Time, arrived: float, off: float) -> Feedback:
-        age = 1e-9 * (self.node.get_clock().now().nanoseconds - stamp.nanosec) - stamp.sec
-        return Feedback(pose, arrived, age, off, seconds_of(stamp))
 
     def _look(self, gripper: Pose, stamp: Time, arrived: float) -> None:
         self._newest.submit(partial(self._predict, gripper, stamp, arrived))
@@ -128,13 +121,13 @@ class ShapePredictor(Part):
     def _predict(self, gripper: Pose, stamp: Time, arrived: float) -> None:
         with self.status.answering('gripper_pose', counter='poses refused', told=False):
             before = self.store.state
-            held = before.held_at(monotonic())
-            scene = before.scene
-            if held is None and before.far_end is not None and scene['far_end.hold'] != 'free':
+            now, scene = monotonic(), before.scene
+            if before.held_at(now) is None and before.far_end is not None and (
+                    scene['far_end.hold'] != 'free'):
                 self.status.warn('far end', 'far_end_pose: the last one is older than '
                                  f'far_end.timeout = {scene["far_end.timeout"]:g} s: the far end '
                                  'counts as free')
-            shape = predicted(before, gripper, 'gripper_pose', before.shape, held)
+            shape = predicted(before, gripper, 'gripper_pose', before.shape, before.holds_at(now))
             if self._closed:
                 return
             self.store.change(lambda state: state.with_shape(shape, before))
@@ -165,21 +158,21 @@ class ShapePredictor(Part):
             refuse_tolerance(request, 'predict_shape')
             gripper = pose_in(state.scene, request.start, name, self.frames).compose(
                 state.scene.tool)
-            shape = predicted(state, gripper, name, far_end=self._asked_end(state, request))
+            shape = predicted(state, gripper, name, holds=self._asked_end(state, request))
             response.plan = shape_path(shape, state.scene.frame_id, stamp)
             outcome.message = f'{len(response.plan.poses)} nodes'
         return response
 
-    def _asked_end(self, state: State, request: GetPlan.Request) -> FarEnd | None:
-        """Return what holds the far end in a request; None where the frame of its goal is empty."""
+    def _asked_end(self, state: State, request: GetPlan.Request) -> Holds:
+        """Return what holds the far end in a request; nothing if the frame of its goal is empty."""
         if not request.goal.header.frame_id:
-            return None
+            return ()
         pose = pose_in(state.scene, request.goal, 'predict_shape.goal', self.frames)
         if state.scene['far_end.hold'] == 'free':
             raise Refused(Cause.INVALID_PARAMETER, 'predict_shape.goal: far_end.hold = free says '
                           f'that nothing holds the far end: expected one of {", ".join(GRIPS)}, or '
                           'an empty frame')
-        return FarEnd(pose, state.scene['far_end.hold'])
+        return (FarEnd(pose, state.scene['far_end.hold']),)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self.status.answering('reset', answer=response) as outcome:

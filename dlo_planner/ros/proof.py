@@ -22,7 +22,7 @@ from dlo_planner.ros.state import PlanResult, Proof, State
 from dlo_planner.ros.status import Part, Shared, figures_of, proof_figures
 from dlo_planner.ros.worker import ATTEMPTS, ProcessLost, Worker, persistent
 from dlo_planner.trajectory.trajectory import Trajectory
-from dlo_planner.verify.replay import replay
+from dlo_planner.verify.replay import AT_REST_ALONE, replay
 from dlo_planner.verify.report import ValidationReport
 from msg_helpers.poses import stamp_text
 from msg_helpers.trajectories import timed_trajectory
@@ -54,8 +54,10 @@ def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan:
             yield Proof(plan, report, _lost(report), True, Cause.NOT_FOLLOWED)
             return
         if step is moving:
-            yield Proof(plan, report, report.reason, True,
-                        Cause.NOT_CALM if report.reason else Cause.DONE)
+            # where something slides no more can be known: that is said, and no reason to refuse
+            at_rest = report.reason.endswith(AT_REST_ALONE) and report.workspace_margin >= 0
+            yield Proof(plan, report, '' if at_rest else report.reason, True,
+                        Cause.NOT_CALM if report.reason and not at_rest else Cause.DONE)
         else:
             yield Proof(plan, report, _MOVED)
 
@@ -130,6 +132,8 @@ class ProofServer(Part):
     def _tell(self, made: PlanResult, proof: Proof) -> None:
         """Say how a proof has ended, with its figures."""
         said, report = 'the plan is safe', proof.report
+        if proof.safe and report is not None and report.reason:
+            said = f'the plan is safe at rest: {report.reason}'
         if not proof.safe:
             said = f'the plan is not safe: {proof.reason}'
             self.status.failed('report', proof.cause, said)
@@ -141,8 +145,9 @@ class ProofServer(Part):
         scene = made.scene
         number = 1 + int(np.clip(np.ceil(way.duration / _TIMED_STEP), 1, _TIMED_MOST))
         self._out.publish(timed_trajectory(way, number, scene.tool, scene.frame_id, made.stamp))
-        self.status.info(f'the plan is safe: {way.duration:.1f} s, largest miss in motion '
-                            f'{report.max_tracking_error:.1e} m, at most {way.tolerance:.1e} m')
+        self.status.info(f'the plan is safe: {way.duration:.1f} s, ' + (
+            report.reason or f'largest miss in motion {report.max_tracking_error:.1e} m, at most '
+            f'{way.tolerance:.1e} m'))
 
     def _move_arm(self, made: PlanResult, report: ValidationReport) -> None:
         """Publish the motion of the robot's joints, where an arm is described."""

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from threading import Lock
@@ -15,17 +16,16 @@ from builtin_interfaces.msg import Time
 from dlo_planner.arm.joint_stream import settling_time
 from dlo_planner.direct.shape import Shape
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.execute.execution import EXACT, Execution, blend_from_current_pose
+from dlo_planner.execute.execution import EXACT, Execution, blend_from_current_pose, called
 from dlo_planner.execute.guards import Enabled, Feedback
-from dlo_planner.execute.limiter import used
+from dlo_planner.execute.limiter import used_by
 from dlo_planner.inverse.task import Task
-from dlo_planner.model.holds import FarEnd
+from dlo_planner.model.holds import BORE, FarEnd, Holds
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.path import held_after
 from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.stage import Event
+from dlo_planner.plan.stage import FAR_END, GRIPPER, Event, arm_of, moved_holds
 from dlo_planner.ros.scene import Scene
-from dlo_planner.trajectory.timed_path import TimedPath
+from dlo_planner.trajectory.timed_path import TimedPath, standing
 from dlo_planner.verify.report import ValidationReport
 from msg_helpers.poses import stamp_text
 
@@ -35,6 +35,7 @@ _CHECKED = ('the plan is still being checked, which takes some seconds: ask agai
 _SAME = 1e-3, 5e-3  # m, rad: gripper poses that differ by less are the same
 _SAME_LENGTH = 1e-9  # relative
 _SEEN = 3  # periods before and after a motion, in which its jerk is seen
+_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')  # of an arm: part of the name of a topic
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class PlanResult:
     def following(self) -> int | None:
         """The index of the next stage in which anything moves; None: this is the last one."""
         stages = () if self.whole is None else self.whole.stage_plans
-        return next((k for k in range(self.stage + 1, len(stages)) if stages[k].arms), None)
+        return next((k for k in range(self.stage + 1, len(stages)) if _moves(stages[k])), None)
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -78,11 +79,29 @@ class PlanResult:
         return tuple(event for event in self.whole.events
                      if self.stage < event.stage <= self.following)
 
+    @property
+    def hands(self) -> dict[str, Pose]:
+        """Where each arm that moves in any stage holds the DLO as this one begins, by its name."""
+        moved = (self.whole or self.plan).arms
+        return {arm_of(hold): hold.pose for hold in self.plan.shapes[0].holds
+                if arm_of(hold) in moved}
+
+    @property
+    def far_end(self) -> Pose | None:
+        """Where the far end is held as this stage begins, by what has no name; None: it is not."""
+        holds = self.plan.shapes[0].holds
+        return holds[-1].pose if holds and arm_of(holds[-1]) == FAR_END else None
+
     def is_as(self, other: PlanResult) -> bool:
         """Whether another plan is as good as the same one: the same way, in the same scene."""
         return self.scene.keeps_plans(other.scene) and len(self.plan) == len(other.plan) and all(
             _nearly_same(*poses) for poses in zip(self.plan.grippers, other.plan.grippers,
                                                   strict=True))
+
+
+def _moves(stage: Plan) -> bool:
+    return bool(stage.arms) or any(
+        (pose.matrix != stage.grippers[0].matrix).any() for pose in stage.grippers)
 
 
 def _nearly_same(one: Pose, other: Pose) -> bool:
@@ -131,6 +150,9 @@ class State:
     pose: Pose | None = None    # of the tool frame, the last one that came
     feedback: Feedback | None = None  # the last one that was not too old when it came
     far_end: Feedback | None = None   # the last pose of the far end's grip
+    # the last pose of each other arm, of the DLO's frame where it holds it, by its name
+    arms: Mapping[str, Feedback] = field(default_factory=dict)
+    grasps: Holds = ()  # what holds it as well since a plan of such a DLO, or its stage, began
     # the last task of each type that came on ~/task, as `open_task` returns it, the newest last
     tasks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     task: Task | None = None    # the last one that a plan was asked for
@@ -159,7 +181,8 @@ class State:
 
     def in_scene(self, scene: Scene, cause: Cause, reason: str) -> State:
         """Return the State in another Scene, in which is kept what can be kept."""
-        state = replace(self, scene=scene, shape=carried(self.shape, self.scene, scene))
+        state = replace(self, scene=scene, shape=carried(self.shape, self.scene, scene),
+                        grasps=self.grasps if self.scene.direct.rod == scene.direct.rod else ())
         if scene.task != self.scene.task:
             state = state.opened(scene.task)
         return state if self.scene.keeps_plans(scene) else state.without_plan(cause, reason)
@@ -188,6 +211,45 @@ class State:
             return None
         return FarEnd(heard.pose, hold)
 
+    @property
+    def heard(self) -> Mapping[str, Feedback]:
+        """What was heard last of each arm besides the gripper, and is not from the future."""
+        far, limit = self.far_end, self.scene.guards.incoming_command_timeout
+        if far is None or limit and far.age < -limit:
+            return self.arms
+        return {**self.arms, FAR_END: far}
+
+    @property
+    def hands(self) -> dict[str, Pose]:
+        """Where the arms begin that the last plan moves, or whose poses say that they hold."""
+        if self.planned is None:
+            return {}
+        hands, there = self.planned.hands, self.planned.far_end
+        told = there is not None and self.scene['far_end.hold'] != 'free'
+        return {**hands, FAR_END: there} if told and there is not None else hands
+
+    def holds_at(self, now: float) -> Holds:
+        """Return what holds the DLO beside the gripper at `now` s, steady, where that is heard."""
+        far = self.held_at(now)
+        held = moved_holds(self.grasps, {name: one.pose for name, one in self.heard.items()})
+        return held if far is None else (*(hold for hold in held if hold.s is not None), far)
+
+    def grasped(self, shape: Shape) -> State:
+        """Return the State in which the DLO is held as in a Shape of a plan.
+
+        But for a far end that is heard of. Where it was not held so it is as in the plan.
+        """
+        told = self.scene['far_end.hold'] != 'free'
+        grasps = tuple(hold for hold in shape.holds if not told or arm_of(hold) != FAR_END)
+        return replace(self, grasps=grasps, shape=self.shape if grasps == self.grasps else shape)
+
+    def with_arm(self, name: str, heard: Feedback) -> State:
+        """Return the State after a pose of an arm; one that is from the future is no news of it."""
+        limit = self.scene.guards.incoming_command_timeout
+        if limit and heard.age < -limit:
+            return self
+        return replace(self, arms={**self.arms, name: heard})
+
     def with_enabled(self, enabled: Enabled) -> State:
         """Return the State after it was heard whether the gripper may move."""
         return replace(self, enabled=enabled)
@@ -199,8 +261,8 @@ class State:
         return replace(self, shape=carried(shape, before.scene, self.scene))
 
     def reset(self) -> State:
-        """Return the State in which the DLO begins with its natural shape."""
-        return replace(self, shape=None, resets=self.resets + 1)
+        """Return the State in which the DLO begins with its natural shape, in the gripper alone."""
+        return replace(self, shape=None, grasps=(), resets=self.resets + 1)
 
     # ---- plans ------------------------------------------------------------------------------
 
@@ -236,22 +298,32 @@ class State:
         """Return the State in which the last plan is executed, from `now` s on; see `ready`."""
         proved = ready(self, now, wanted, askers)
         assert self.planned is not None and self.feedback is not None  # `ready` looks at both
-        scene = self.planned.scene
-        way, begin = blend_from_current_pose(
-            proved, self.feedback.pose.compose(scene.tool), self.planned.plan.shapes[0],
+        scene, hands = self.planned.scene, self.hands
+        ways = [proved, *(proved.arm(name) if name in proved.path.arms
+                          else standing(pose, proved.duration, scene.limits)
+                          for name, pose in hands.items())]
+        (way, *others), begin = blend_from_current_pose(
+            ways, [self.feedback.pose.compose(scene.tool),
+                   *(self.heard[name].pose for name in hands)], self.planned.plan.shapes[0],
             scene.limits, scene.period)
         times = np.arange(-_SEEN, proved.duration / scene.period + _SEEN) * scene.period
-        part = used(proved.frames(times), scene.limits, scene.period)
+        part = used_by(ways, times, scene.limits, scene.period)
         if part > EXACT:
             raise Refused(Cause.LIMITS, f'the motion of the plan uses {part:.3g} of its limits of '
                           'speed, acceleration and jerk (threading.*): plan again')
         if self.scene.by_joints:  # the controller leads the arm to the beginning before
             begin -= settling_time(scene.limits)
-        execution = Execution(way, scene.tool.inverse(), scene.frame_id, self.scene.guards,
+        guards = self.scene.guards
+        execution = Execution(way, scene.tool.inverse(), scene.frame_id, guards,
                               scene.period, self.scene.horizon, scene.limits,
                               begin=begin, done=begin)
-        return replace(self, execution=execution, running=self.planned, looking=None,
-                       latest=None, others=0, askers=frozenset())
+        execution = replace(execution, others=tuple(
+            replace(execution, way=other, back=Pose.identity(), name=name,
+                    guards=replace(guards, heard=pose_topic(name)))
+            for name, other in zip(hands, others, strict=True)))
+        return replace(self.grasped(self.planned.plan.shapes[0]), execution=execution,
+                       running=self.planned, looking=None, latest=None, others=0,
+                       askers=frozenset())
 
     def after_loop_tick(self, before: Execution | None, execution: Execution,
                         looking: Looking) -> State:
@@ -267,7 +339,8 @@ class State:
         """Return the State with the next command, at `now` s, `stamp` s on the stamps' clock."""
         if self.execution is None:
             return self
-        return self._with_execution(self.execution.tick(now, self.feedback, stamp, self.enabled))
+        return self._with_execution(self.execution.tick(
+            now, self.feedback, stamp, self.enabled, self.heard))
 
     @property
     def proving(self) -> bool:
@@ -337,28 +410,63 @@ def ready(state: State, now: float, wanted: Time | None = None,
     assert proof is not None  # every plan has one
     if not proof.safe:
         raise Refused(proof.cause, proof.reason)
-    if state.planned.plan.shapes[0].holds and held_after(state.planned.plan) is None:
-        raise Refused(Cause.FAR_END_HELD, 'the plan is of a DLO that more than the gripper holds, '
-                      'whose arms the node does not command: expected another one that executes '
-                      '~/gripper_trajectory_timed' + ('' if state.planned.whole is None else
-                                                      ', and ~/next_stage when that is done'))
     _heard_lately(state, now)
     assert proof.report is not None and state.feedback is not None
-    way, scene = proof.report.trajectory, state.scene
+    way, hands = proof.report.trajectory, state.hands
     assert way is not None  # what is safe has one
+    if hands and state.scene.by_joints:
+        raise Refused(Cause.ARM, f'the plan moves {", ".join(hands)} as well: expected '
+                      'execute.through = ahead or pose: joints are those of one arm')
     first = way.poses([0.0])[0].compose(state.planned.scene.tool.inverse())
-    here = state.feedback.pose
+    _at_start(state, GRIPPER, state.feedback, first)
+    for name, pose in hands.items():
+        _at_start(state, name, _heard_of(state, name, now), pose)
+    return way
+
+
+def pose_topic(name: str) -> str:
+    """Return the topic, below the node's, on which it is heard where an arm is."""
+    return 'far_end_pose' if name == FAR_END else f'gripper_pose/{name}'
+
+
+def is_arm(name: str) -> bool:
+    """Whether a name of an arm can be part of a topic's."""
+    return _NAME.fullmatch(name) is not None
+
+
+def _at_start(state: State, name: str, heard: Feedback, first: Pose) -> None:
+    """Refuse to begin where an arm is not where the plan begins."""
+    scene, here = state.scene, heard.pose
     away = float(np.linalg.norm(here.position - first.position))
     if away > scene['execute.start_distance']:
-        raise Refused(Cause.NOT_AT_START, f'the gripper is {away:.3g} m from where the plan '
+        raise Refused(Cause.NOT_AT_START, f'{called(name)} is {away:.3g} m from where the plan '
                       'begins: expected execute.start_distance = '
                       f'{scene["execute.start_distance"]:g} m at most')
     angle = angle_between(here.rotation, first.rotation)
     if angle > scene['execute.start_angle']:
-        raise Refused(Cause.NOT_AT_START, f'the gripper is turned by {angle:.3g} rad from where '
+        raise Refused(Cause.NOT_AT_START, f'{called(name)} is turned by {angle:.3g} rad from where '
                       'the plan begins: expected execute.start_angle = '
                       f'{scene["execute.start_angle"]:g} rad at most')
-    return way
+
+
+def _heard_of(state: State, name: str, now: float) -> Feedback:
+    """Return what was heard lately of an arm besides the gripper; refuse if nothing was."""
+    if not is_arm(name):
+        raise Refused(Cause.INVALID_REQUEST, f'an arm is called {name!r}: expected letters, '
+                      'digits and underscores, as of a topic: `Hold.by` names it')
+    heard, topic = state.heard.get(name), pose_topic(name)
+    if heard is None:
+        raise Refused(Cause.NO_GRIPPER_POSE, f'no pose of the arm {name} is known: send '
+                      f'~/{topic}, the frame of the DLO where it holds it')
+    _not_too_old(state, heard, topic, now)
+    return heard
+
+
+def _not_too_old(state: State, heard: Feedback, topic: str, now: float) -> None:
+    limit, age = state.scene.guards.incoming_command_timeout, heard.age + now - heard.arrived
+    if limit and age > limit:
+        raise Refused(Cause.OLD_GRIPPER_POSE, f'{topic}: the last one is {age:.3g} s old: '
+                      f'expected incoming_command_timeout = {limit:g} s at most, by its stamp')
 
 
 def _meant(state: State, made: PlanResult, wanted: Time | None, askers: frozenset[str]) -> None:
@@ -390,11 +498,11 @@ def _heard_lately(state: State, now: float) -> None:
     if state.feedback is None:
         raise Refused(Cause.OLD_GRIPPER_POSE, f'{heard}: each one that came was too old, or '
                       f'from the future: {expected}')
-    age = state.feedback.age + now - state.feedback.arrived
-    if limit and age > limit:
-        raise Refused(Cause.OLD_GRIPPER_POSE,
-                      f'{heard}: the last one is {age:.3g} s old: {expected}')
-    if state.held_at(now) is not None:
+    _not_too_old(state, state.feedback, heard, now)
+    assert state.planned is not None  # `ready` has looked
+    first = state.planned.plan.shapes[0]
+    if state.held_at(now) is not None and not any(
+            hold.s is None and hold.by != BORE for hold in first.holds):
         raise Refused(Cause.FAR_END_HELD, 'far_end_pose: the far end is held, which this plan is '
                       'not made for: expected far_end.hold = free, or no pose')
     barred = state.scene.guards.barred(state.enabled, now)

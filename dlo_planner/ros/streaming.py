@@ -33,12 +33,16 @@ from dlo_planner.identify.estimator import DloEstimator
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.stage import arm_of
 from dlo_planner.ros.arm import ArmDrive, ArmOutput
+from dlo_planner.ros.arms import Arms
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.ros.plan import (
     PlanningServer,
     deadline_refusal,
+    of_stage,
     refuse_tolerance,
+    stage_said,
     tool_path,
 )
 from dlo_planner.ros.state import Looking, PlanResult, State, Store
@@ -67,6 +71,10 @@ def loop_task_of(made: PlanResult) -> LoopTask | None:
 def _loop_task(made: PlanResult) -> LoopTask:
     """Return the task of a plan for the closed loop; raise InvalidTask, which says why not."""
     plan, scene = made.plan, made.scene
+    if plan.shapes[0].holds:
+        raise InvalidTask(f'the DLO is held by {", ".join(map(arm_of, plan.shapes[0].holds))} '
+                          'besides the gripper: what is seen corrects a DLO that the gripper '
+                          'alone holds')
     task = held_as_stated(made.task, scene['rod.grasped_at'])
     far, given = STANDOFF * scene.direct.rod.length, scene['threading.standoff']
     if task.outwards is not None:
@@ -243,14 +251,15 @@ class TrajectoryStreamer(Part):
 
     `cancel` ends the `planning` as well. `observing` takes a Time and returns the DloEstimator of
     the DLO if it was looked at shortly before, or None; `worker` plans for a closed loop; `arm`
-    knows the arm whose joints may be told.
+    knows the arm whose joints may be told, `arms` tells those besides the gripper.
     """
 
     def __init__(self, shared: Shared, planning: PlanningServer,
                  observing: Callable[[Time], DloEstimator | None], worker: Worker, arm: ArmOutput,
-                 commands: Any, control: Any) -> None:
+                 arms: Arms, commands: Any, control: Any) -> None:
         super().__init__(shared)
         node = self.node
+        self._arms = arms
         self._planning, self._observing, self._worker = planning, observing, worker
         self._arm = arm
         self._drive: ArmDrive | None = None  # what leads its joints, where they are told
@@ -335,9 +344,10 @@ class TrajectoryStreamer(Part):
             where = f'{where}gripper_command' if drive is None else 'joint_commands_ahead'
             outcome.message = f'{duration:.1f} s on {where}' + (
                 '' if self._loop is None else ', or longer: it observes the DLO before it goes')
-            outcome.warning = open_loop_warning(state, observing)
-            outcome.values = {'duration [s]': duration,
-                              'plan stamp': stamp_text(state.running.stamp)}
+            assert state.proof is not None and state.proof.report is not None  # it was proved
+            outcome.warning = open_loop_warning(state, observing) or state.proof.report.reason
+            outcome.values = {'duration [s]': duration, 'arms': ', '.join(
+                one.name for one in execution.arms), 'plan stamp': stamp_text(state.running.stamp)}
             speed, tolerance = scene.limits.linear_speed, scene.guards.path_position
             if tolerance and tolerance < speed * _LAG:
                 self.status.warn('lag', f'constraints.path.position = {tolerance:g} m is less '
@@ -378,7 +388,7 @@ class TrajectoryStreamer(Part):
                 return
             self._send_ahead(execution)
             if execution.sending is not None and execution is not before:
-                self._send(execution.sending, execution.frame_id)
+                self._send(execution, execution.sending)
             if execution.phase != self._told_of or monotonic() - self._told >= _TOLD:
                 self._tell(execution)
             if not execution.active:
@@ -398,8 +408,9 @@ class TrajectoryStreamer(Part):
             else:
                 self._lead(self._drive, points)
             return
-        self._ahead_out.publish(poses_ahead(*execution.ahead, execution.frame_id,
-                                            execution.stamp))
+        self._ahead_out.publish(poses_ahead(
+            *execution.ahead, execution.frame_id, execution.stamp, {
+                one.name: one.ahead.poses for one in execution.others if one.ahead is not None}))
 
     @property
     def _now(self) -> int:
@@ -411,11 +422,12 @@ class TrajectoryStreamer(Part):
         if points is not None:
             self._joints_out.publish(joint_points_msg(drive.arm.joints, points))
 
-    def _send(self, command: Pose, frame_id: str) -> None:
+    def _send(self, execution: Execution, command: Pose) -> None:
         stamp, tool = self.node.get_clock().now().to_msg(), self.store.state.scene.tool
         if self._drive is None:
-            self._command_out.publish(pose_stamped_msg(command, frame_id, stamp))
-        self.markers.show('command', frame_id, stamp, lambda: axes_primitives(
+            self._command_out.publish(pose_stamped_msg(command, execution.frame_id, stamp))
+        self._arms.send(execution, stamp)
+        self.markers.show('command', execution.frame_id, stamp, lambda: axes_primitives(
             'command', command.compose(tool), _COMMAND))
 
     def _end(self, execution: Execution) -> None:
@@ -426,13 +438,19 @@ class TrajectoryStreamer(Part):
             if self._drive is not None:
                 self._lead(self._drive, self._drive.halted(execution))
             else:
-                self._ahead_out.publish(poses_ahead([0.0], [execution.command],
-                                                    execution.frame_id, execution.stamp))
+                self._ahead_out.publish(poses_ahead(
+                    [0.0], [execution.command], execution.frame_id, execution.stamp, {
+                        one.name: [one.command] for one in execution.others
+                        if one.command is not None}))
         self.markers.hide('command')
-        looking = self.store.state.looking
-        self._loop = None
+        looking, made = self.store.state.looking, self.store.state.running
+        self._loop, values = None, progress(execution)
         if execution.cause == Cause.DONE:
             reason = f'executed: {execution.way.duration - execution.begin:.1f} s'
+            if made is not None:
+                self._arms.show(made.plan.shapes[-1].holds, made.scene.frame_id,
+                                self.node.get_clock().now().to_msg())
+                reason, values = reason + stage_said(made), values | of_stage(made)
             if looking is not None:
                 reason += f', expected to miss by {looking.miss_bound_95:.3g} m at most (95 %)'
             self.status.info(reason)
@@ -441,8 +459,7 @@ class TrajectoryStreamer(Part):
             reason = f'the execution stopped after {seconds:.2f} s of its way: {execution.reason}'
             self.statistics.note({'report': 'void', 'report reason': execution.reason})
             self.status.failed('execute', execution.cause, reason)
-        self.status.tell('execute', execution.cause, reason, self._stamp,
-                            progress(execution))
+        self.status.tell('execute', execution.cause, reason, self._stamp, values)
 
     def _tell(self, execution: Execution | None) -> None:
         self._told, self._told_of = monotonic(), '' if execution is None else execution.phase

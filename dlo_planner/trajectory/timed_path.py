@@ -254,6 +254,13 @@ class TimedPath(Value):
         return which, times - self.starts[which]
 
 
+def standing(pose: Pose, duration: float, limits: Limits) -> TimedPath:
+    """Return the motion of an arm that stands still for a duration, s."""
+    leg = Leg(np.array([0.0, duration]), np.array([pose.position] * 2),
+              np.array([pose.rotation] * 2))
+    return TimedPath(GripperPath(leg.knots, (leg,)), (None,), limits)
+
+
 def holds_in(timed: TimedPath, holds: Holds, times: ArrayLike) -> list[Holds]:
     """Return what Holds are at times (n,) s of a motion: where their arms are, the others stay."""
     arms = {name: timed.arm(name).poses(times) for name in timed.path.arms}

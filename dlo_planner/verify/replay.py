@@ -15,6 +15,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
 from dlo_planner.model.checks import instance, items, number, shown
+from dlo_planner.model.holds import have_rings
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.rod import Surface, before, followed_by
 from dlo_planner.plan.checks import (
@@ -52,6 +53,8 @@ _MAY_BE_LEFT_OUT = ('position_error', 'misalignment', 'bend_margin', 'contact_fo
                     'workspace_margin', 'mode_margin')
 _NOT_STATED = ('whether the DLO keeps its contact was not looked at: no friction is stated, by the '
                'obstacle or as friction= of the replay')
+# of a motion that keeps the limits, and is not looked at otherwise
+AT_REST_ALONE = 'it is known at rest only, its motion keeps the limits of the gripper alone'
 _OF_CONTACTS = ('contact_lost', 'largest_friction')  # figures of a plan that touches an obstacle
 
 
@@ -63,8 +66,9 @@ def replay(simulator: DirectSimulator | GraspedInside, plan: Plan, *,
            deadline: float | None = None) -> ValidationReport:
     """Simulate a Plan, and return the ValidationReport.
 
-    If a motion cannot be made calm, the report is of the motion within limits alone, not `safe`. A
-    DLO that is not meant to touch anything is simulated as if there were no obstacles, and shown to
+    If a motion cannot be made calm, the report is of the motion within limits alone, not `safe`;
+    neither is that of a DLO that slides through a ring or tube, which is known at rest only. A DLO
+    that is not meant to touch anything is simulated as if there were no obstacles, and shown to
     stay away from them, also on the way between; only where it does not, it is simulated in
     contact.
 
@@ -161,6 +165,8 @@ class _Replay:
             figures['workspace_margin'] = float(min(self.workspace.min_margin(gripper)[1]
                                                     for gripper in plan.grippers))
         trajectory, refused = self.trajectory, ''
+        if have_rings(plan.shapes[0].holds):
+            return self._sliding(figures, shapes)
         if trajectory is None and self.limits is not None:
             trajectory, refused = self._trajectory(self.limits, shapes[0])
             if refused:
@@ -173,6 +179,22 @@ class _Replay:
             except DeadlineExceeded:
                 if not refused:
                     raise
+        return self._judged(figures, shapes)
+
+    def _sliding(self, figures: dict[str, Any], shapes: Sequence[Shape]) -> ValidationReport:
+        """Return the report of a DLO that slides through something, which is known at rest only."""
+        trajectory = self.trajectory
+        if trajectory is None and self.limits is not None:
+            trajectory = Trajectory(self.plan, self.limits, tolerance=np.inf)
+        if trajectory is not None:
+            names = ', '.join(hold.by for hold in self.plan.shapes[0].holds if hold.is_ring)
+            figures |= {'trajectory': trajectory, 'tolerance': trajectory.tolerance}
+            figures.setdefault('reason', f'the DLO slides through {names}: {AT_REST_ALONE}')
+        return self._judged(figures, shapes)
+
+    def _judged(self, figures: dict[str, Any], shapes: Sequence[Shape]) -> ValidationReport:
+        """Return the report of figures, which names what is nan; `shapes`: at rest."""
+        plan = self.plan
         if figures['contact_lost'] == 0 and not (self.stated or _all_rub(self.simulator, shapes)):
             figures['contact_lost'] = np.nan
             if figures.get('reason') == '':

@@ -108,7 +108,7 @@ def test_the_measure_is_that_of_closed_forms():
     (STIFF, SHORT, 0.0, 0.006, 0.0), (STIFF, SHORT, 0.0011, 0.0, 0.0)])
 def test_a_start_from_elsewhere_keeps_the_limits(plan, way, meters, radians, horizon):
     here = displaced(plan.grippers[0], meters, radians)
-    start, begin = blend_from_current_pose(way, here, plan.shapes[0], LIMITS, PERIOD)
+    (start,), begin = blend_from_current_pose([way], [here], plan.shapes[0], LIMITS, PERIOD)
     robot = Robot(begun(start, horizon, begin)).run(regular(way.duration - begin + 1))
     assert robot.execution.phase == 'succeeded'
     assert len(robot.streams) == 1 + bool(horizon)
@@ -127,7 +127,7 @@ def test_a_start_that_the_limits_do_not_allow_is_refused():
     here = displaced(STIFF.grippers[0], 0.3, 0.0)
     slow = replace(LIMITS, linear_speed=0.02)
     with pytest.raises(Refused, match=r'0\.3 m and .* rad from where the plan begins') as refused:
-        blend_from_current_pose(SHORT, here, STIFF.shapes[0], slow, PERIOD)
+        blend_from_current_pose([SHORT], [here], STIFF.shapes[0], slow, PERIOD)
     assert refused.value.cause == Cause.NOT_AT_START
 
 
@@ -156,7 +156,7 @@ def test_a_stop_keeps_a_limit_of_jerk_that_it_depends_on(index):
 
 def test_a_stop_on_the_way_to_the_beginning_keeps_the_limits():
     here = displaced(STIFF.grippers[0], 0.019, 0.09)
-    start, begin = blend_from_current_pose(SHORT, here, STIFF.shapes[0], LIMITS, PERIOD)
+    (start,), begin = blend_from_current_pose([SHORT], [here], STIFF.shapes[0], LIMITS, PERIOD)
     for index in range(4, round(-begin / PERIOD), 7):
         robot = Robot(begun(start, 0.0, begin)).run(regular(5), {index: Execution.canceled})
         assert robot.execution.phase == 'stopped' and robot.execution.done < 0.5

@@ -117,6 +117,16 @@ def test_what_holds_no_ring_is_timed_calmly_and_the_rest_within_limits():
     assert not any(hold.is_ring for shape in first.shapes for hold in shape.holds)
 
 
+def test_what_slides_is_known_at_rest_only():
+    last, limits = board().stage_plans[-1], Limits(0.2, 1.0, 1.0, 5.0)
+    report = replay(simulator(80).without_obstacles(), last, initial=last.shapes[0], limits=limits)
+    assert report.converged and not report.safe
+    assert report.reason == ('the DLO slides through fork 2: it is known at rest only, its motion '
+                             'keeps the limits of the gripper alone')
+    assert report.trajectory == Trajectory(last, limits, tolerance=np.inf)
+    assert {'max_tracking_error', 'arrival', 'dynamic_clearance'} <= set(report.not_looked_at)
+
+
 @pytest.mark.parametrize(('change', 'constraint', 'said'), [
     ({'fittings': [replace(CLIP, pose=toward((0.79, 0, 0.1), (-1, 0, 0)))]}, 'reach',
      'clip 1 cannot be reached: the way to it is 0.79 m, the DLO between the far end and the '

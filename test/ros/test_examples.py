@@ -136,6 +136,17 @@ def test_a_servo_follows_poses(own_domain, monkeypatch):
         assert np.linalg.norm(state(node).gripper.position - end.position) < 0.01
 
 
+def test_two_servos_carry_both_ends(own_domain, monkeypatch):
+    with beside('two_arms'), launched('two_arms', monkeypatch) as (node, client):
+        assert until(lambda: state(node).feedback is not None
+                     and state(node).shape is not None and state(node).shape.holds)
+        execution = session('two_arms', client, node)
+        assert (execution.phase, execution.cause) == ('succeeded', Cause.DONE), execution.reason
+        assert [one.name for one in execution.arms] == ['gripper', 'far_end']
+        here = state(node).gripper.position, state(node).far_end.pose.position
+        np.testing.assert_allclose(here, [(0.0, 0.1, 1.0), (0.32, 0.15, 1.0)], atol=0.01)
+
+
 def test_a_tracker_tells_what_the_hose_is_like(own_domain, monkeypatch):
     there = (0.2693, 0.0233, 0.5043)  # m, where record.py says that the free end is
     with beside('tracker'), launched('tracker', monkeypatch) as (node, client):

@@ -30,7 +30,7 @@ def ready(node, line):
     proof = state(node).proof
     if proof is not None and re.search(r'/(execute|status)\b', line):
         assert until(lambda: state(node).proof.done, 10 * PATIENCE)
-    if '/execute ' in line:
+    if '/execute ' in line or 'far_end.hold free' in line:
         assert until(lambda: not state(node).executing)
     if '/cancel' in line:
         assert until(lambda: state(node).execution.done > 0.5)
@@ -54,12 +54,15 @@ def test_every_line_does_what_the_page_says(own_domain, monkeypatch):
                 robot = stack.enter_context(subprocess.Popen(
                     [*ENDS_WITH_US, sys.executable, *shlex.split(line)[1:]], cwd=ROOT))
                 stack.callback(robot.terminate)
-                assert until(lambda node=node: state(node).feedback is not None)
+                heard = 'far_end' if 'far_end' in line else 'feedback'
+                assert until(lambda node=node, heard=heard: getattr(state(node), heard) is not None)
                 continue
             refused = re.search(r' +# refused: (\d+)$', line)
             command, = commands_of('    ' + line[:refused.start() if refused else None])
             said = run_inside(client, node, *command)
             assert said.startswith(f'{refused[1]}: ') if refused else not said, (line, said)
+        assert state(node).execution.cause == Cause.DONE  # both arms came to their ends
+        assert [one.name for one in state(node).execution.arms] == ['gripper', 'far_end']
 
 
 def test_the_page_says_of_each_refusal_what_to_do():

@@ -182,8 +182,6 @@ def test_a_plan_in_stages_goes_on_when_it_is_told_that_the_hold_is_there(inside,
     assert inside.status_of('next_stage')[0] == Cause.PROOF_PENDING
     node.shared.store.change(lambda now: replace(now, proof=proof))
     assert inside.timed.get(timeout=PATIENCE).joint_names == ['gripper', 'first']
-    answer = inside.trigger('execute')
-    assert not answer.success and 'and ~/next_stage when that is done' in answer.message
     assert inside.trigger('next_stage').success
     code, message, values = inside.status_of('next_stage')
     assert code == 0 and message.endswith('hand over 1, stage 2 of 9; then open first at s = 0.8 m'
@@ -198,6 +196,9 @@ def test_a_plan_in_stages_goes_on_when_it_is_told_that_the_hold_is_there(inside,
     node.shared.store.change(lambda now: replace(
         now, planned=made.in_stage(8), proof=replace(now.proof, plan=made.in_stage(8).plan)))
     assert 'pull 2 is the last stage' in inside.trigger('next_stage').message
+    code, message, _ = tell(TASKS[Thread]())  # the hands hold it, as was said
+    assert code == Cause.FAR_END_HELD and 'expected ~/reset' in message
+    inside.trigger('reset')
     tell(TASKS[Thread]())
     assert 'this one of a Thread has one stage' in inside.trigger('next_stage').message
 
@@ -415,8 +416,6 @@ def test_both_ends_are_carried_and_proved(inside, node, tell):
             place = timed.points[k].transforms[1].translation
             np.testing.assert_allclose((place.x, place.y, place.z), pose.position, atol=1e-9)
         assert timed.points[len(timed.points) // 2].velocities[1].linear.y > 0
-        answer = inside.trigger('execute')
-        assert not answer.success and 'whose arms the node does not command' in answer.message
     finally:
         inside.set_parameters(far_end__hold='free', far_end__timeout=0.5)
         inside.node.destroy_publisher(out)

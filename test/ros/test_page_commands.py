@@ -25,7 +25,7 @@ PATIENCE = 30.0  # s, for a proof that is still being made
 def test_the_commands_of_the_page_do_what_they_say(domain, monkeypatch, arguments):
     if not arguments:
         monkeypatch.setattr('planner_here.WIRE', ())
-    assert len(COMMANDS) == 24
+    assert len(COMMANDS) == 27
     refused = {}
     with context_of_its_own() as context, planner_here(
             monkeypatch, context, *arguments) as node, connected_client(Alive()) as client:

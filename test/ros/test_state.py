@@ -11,7 +11,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Infeasible, InvalidTask, Pose, Sphere, replay
+from dlo_planner import FarEnd, Hold, Infeasible, InvalidTask, Pose, Sphere, replay
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Feedback
 from dlo_planner.execute.guards import Enabled, Guards
@@ -172,8 +172,36 @@ def of_a_held_dlo(state):
     return replace(state, planned=replace(state.planned, plan=replace(plan, shapes=shapes)))
 
 
+def with_far_end(state, age=0.0, off=0.0):
+    """Return the State with a plan of a held DLO, and a pose of its far end, `off` m off."""
+    state = of_a_held_dlo(state)
+    there = state.planned.plan.far_end_poses[0]
+    heard = Feedback(Pose(there.position + (0, 0, off), there.quaternion), 10.0, age)
+    return replace(state, far_end=heard)
+
+
+def held_by(state, name):
+    """Return the State whose plan is of a DLO that an arm of this name moves."""
+    state = of_a_held_dlo(state)
+    plan = state.planned.plan
+    shapes = [replace(shape, holds=(Hold(shape.far_end.pose, by=name),)) for shape in plan.shapes]
+    return replace(state, planned=replace(state.planned, plan=replace(plan, shapes=shapes,
+                                                                      starts=())))
+
+
+def by_joints(state):
+    return replace(state, scene=scene(execute__through='joints', arm__tool_link='tool'))
+
+
 @pytest.mark.parametrize(('spoil', 'cause', 'named'), [
-    (of_a_held_dlo, Cause.FAR_END_HELD, 'whose arms the node does not command'),
+    (of_a_held_dlo, Cause.NO_GRIPPER_POSE, 'no pose of the arm far_end is known'),
+    (lambda s: with_far_end(s, age=0.3), Cause.OLD_GRIPPER_POSE, 'far_end_pose: the last'),
+    (lambda s: with_far_end(s, age=-5.0), Cause.NO_GRIPPER_POSE, 'no pose of the arm far_end'),
+    (lambda s: with_far_end(s, off=0.03), Cause.NOT_AT_START, 'the arm far_end is 0.03 m from'),
+    (lambda s: by_joints(with_far_end(s)), Cause.ARM, 'the plan moves far_end as well'),
+    (lambda s: held_by(s, 'hold at 1 m'), Cause.INVALID_REQUEST, "an arm is called 'hold at 1 m'"),
+    (lambda s: replace(s, scene=scene(far_end__hold='clamped'), far_end=Feedback(
+        HERE, 10.0)), Cause.FAR_END_HELD, 'which this plan is not made for'),
     (lambda s: replace(s, planned=None, no_plan='a box came'), Cause.NO_PLAN, 'a box came'),
     (lambda s: replace(s, proof=Proof(s.planned.plan)), Cause.PROOF_PENDING, 'ask again'),
     (lambda s: replace(s, proof=replace(s.proof, reason='it swings', cause=Cause.NOT_CALM)),
@@ -192,6 +220,60 @@ def test_what_is_missing_is_named(proved, spoil, cause, named):
     with pytest.raises(Refused, match=named) as refused:
         ready(spoil(proved), 10.05)
     assert refused.value.cause == cause
+
+
+def test_all_arms_that_hold_the_dlo_begin_where_they_are(proved):
+    state = with_far_end(proved, off=0.01)
+    execution = state.started(10.02).execution
+    assert [one.name for one in execution.arms] == ['gripper', 'far_end']
+    far = execution.others[0]
+    assert far.guards.heard == 'far_end_pose' and far.begin == execution.begin < 0
+    np.testing.assert_allclose(far.way.poses([far.begin])[0].matrix, state.far_end.pose.matrix,
+                               atol=1e-12)
+    after = replace(state, execution=execution).after_tick(10.02, 10.02).execution
+    assert after.others[0].feedback is state.far_end
+    lost = replace(state, execution=after, far_end=None).after_tick(10.04, 10.04).execution
+    assert lost.cause == Cause.GRIPPER_POSE_LOST and 'far_end_pose: none came' in lost.reason
+    # a far end that stands still is watched where its poses are to come, and only there
+    plan = state.planned.plan
+    still = replace(state.planned, plan=replace(plan, shapes=[replace(
+        plan.shapes[0], gripper=one.gripper) for one in plan.shapes]))
+    watched = replace(state, planned=still, scene=scene(far_end__hold='clamped'))
+    assert list(watched.hands) == ['far_end'] and not replace(state, planned=still).hands
+
+
+def test_what_a_plan_says_holds_the_dlo_holds_it_until_a_reset(proved):
+    first = Hold(Pose((0.0, 0.0, 0.5), (0, 0, 0, 1)), s=0.5, by='first')
+    fixed = FarEnd(Pose((0.3, 0.0, 0.5), (0, 0, 0, 1)))
+    shape = replace(proved.planned.plan.shapes[0], holds=(first, fixed))
+    state = proved.grasped(shape)
+    assert state.shape is shape
+    assert state.holds_at(10.0) == (first, fixed)
+    there = Pose((0.0, 0.1, 0.5), (0, 0, 0, 1))
+    moved = state.with_arm('first', Feedback(there, 10.0))
+    assert moved.holds_at(99.0)[0] == Hold(there, s=0.5, by='first')
+    assert not moved.reset().holds_at(10.0)
+    # where poses of the far end are to come, they alone tell
+    told = replace(proved, scene=scene(far_end__hold='pinned')).grasped(shape)
+    assert told.holds_at(10.0) == (first,)
+    heard = replace(told, far_end=Feedback(HERE, 10.0))
+    assert heard.holds_at(10.1) == (first, FarEnd(HERE, 'pinned'))
+    assert heard.holds_at(11.0) == (first,)
+    assert changed(moved, bodies=BALL).grasps and not changed(moved, rod__length=1.2).grasps
+
+
+def test_a_plan_of_a_held_dlo_begins_with_its_own_shape(proved):
+    state = with_far_end(proved)
+    begun = state.started(10.02)
+    assert begun.shape is state.planned.plan.shapes[0] and begun.grasps
+    assert proved.started(10.02).shape is proved.shape  # what was predicted stays
+
+
+def test_a_pose_of_an_arm_from_the_future_is_no_news(proved):
+    heard = Feedback(HERE, 10.0, 0.05)
+    state = proved.with_arm('second', heard)
+    assert state.heard == {'second': heard}
+    assert state.with_arm('second', Feedback(HERE, 11.0, -5.0)).heard == {'second': heard}
 
 
 def test_the_plan_that_is_meant_is_executed_or_none(proved):

@@ -19,8 +19,9 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import Grips
 from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.inverse.stages import again, check_reach, held_at_first, upwards
 from dlo_planner.inverse.task import PlanContext, Task
-from dlo_planner.inverse.tasks.move_to import held_as_said, led, limit, straight
+from dlo_planner.inverse.tasks.move_to import led, limit, straight
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.holds import (
@@ -30,12 +31,9 @@ from dlo_planner.model.holds import (
     holds_of,
     place_of,
     posed,
-    spans_of,
-    unreached,
 )
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
-from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.plan import Plan
@@ -132,12 +130,8 @@ class Carry(Task):
     def _begin(self, context: PlanContext) -> Grips:
         """Return what holds the DLO at the beginning; raise InvalidTask if that is not known."""
         start = instance('context.start', context.start, Pose)
-        stated = holds_of(self.far_end, self.holds, context.rod.length)
-        if context.initial is None:
-            return Grips(start, stated)
-        if stated:
-            held_as_said(context.initial, stated)
-        return Grips(start, context.initial.holds)
+        return Grips(start, held_at_first(context, holds_of(
+            self.far_end, self.holds, context.rod.length)))
 
     def _end(self, begin: Grips, length: float) -> Grips:
         """Return what holds the DLO at the end; raise InvalidTask if it holds it otherwise."""
@@ -191,13 +185,12 @@ class _Search:
                  end: Grips) -> None:
         self._context, self._demands, self._begin, self._end = context, demands, begin, end
         self._silent, self._length = demands.silent(), context.rod.length
-        gravity = context.simulator.surroundings.gravity
-        size = float(np.linalg.norm(gravity))
-        self._up: Floats = -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
+        self._up = upwards(context.simulator.surroundings.gravity)
 
     def plan(self) -> Plan:
         """Return the Plan, or raise Infeasible that says why there is none."""
-        self._check_reach()
+        for name, grips in (('start', self._begin), ('goal', self._end)):
+            check_reach(self._context, self._silent, grips, f'at the {name} the DLO')
         best: Infeasible | None = None
         for height in (0.0, *_HEIGHTS):
             keys = self._over(height * self._length)
@@ -271,37 +264,19 @@ class _Search:
         corners = [*way.corners[1:k], i, j + later, *(c + later for c in way.corners[k + 1:-1])]
         return _Way.of([*way.shapes[:i], *plan.shapes, *way.shapes[j + 1:]], corners)
 
-    def _check_reach(self) -> None:
-        """Raise Infeasible where neighbors are out of reach of each other, before or after."""
-        loaded = bool(np.any(self._context.simulator.surroundings.gravity))
-        for name, grips in (('start', self._begin), ('goal', self._end)):
-            said = unreached(grips.holds, grips.gripper, self._length, loaded)
-            if said:
-                missing = max(span.distance - span.length for span in spans_of(
-                    grips.holds, grips.gripper, self._length))
-                raise Infeasible(f'at the {name} the DLO would be too short: {said}', 0,
-                                 'equilibrium', max(missing, 0.0),
-                                 PlanBuilder([0.0], self._silent).partial())
-
     def _refusal(self, best: Infeasible) -> Infeasible:
         """Return why there is no way: the goal itself breaks a demand, or all ways do."""
         simulator = self._context.simulator.without_obstacles()
         goal = simulator.solve(self._end.gripper, holds=self._end.holds)
         if not goal.converged:
-            return _again(best, f'at the goal the DLO is {goal.status}; ')
+            return again(best, f'at the goal the DLO is {goal.status}; ')
         broken = self._silent.violation(Waypoint(goal))
         if broken is not None:
             return Infeasible(f'at the goal {broken.message}', best.waypoint, broken.name,
                               float(-broken.room), best.plan, broken.unit)
         heights = ', '.join(f'{height * self._length:.3g}' for height in _HEIGHTS)
-        return _again(best, f'neither the straight way nor one lifted by {heights} m is free; of '
+        return again(best, f'neither the straight way nor one lifted by {heights} m is free; of '
                       'the one that came farthest ')
-
-
-def _again(error: Infeasible, words: str) -> Infeasible:
-    """Return the same refusal with some words before it, the amount said once."""
-    return Infeasible(words + str(error).rpartition(' (')[0], error.waypoint, error.constraint,
-                      error.amount, error.plan, error.unit)
 
 
 def _progress(error: Infeasible) -> float:

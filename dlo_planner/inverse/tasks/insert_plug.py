@@ -17,17 +17,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.statics import Grips
-from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.stages import check_reach, held_at_first
 from dlo_planner.inverse.task import PlanContext, Task, depths_or_none
-from dlo_planner.inverse.tasks.move_to import held_as_said, led, limit, straight
+from dlo_planner.inverse.tasks.move_to import led, limit, straight
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, number, row
-from dlo_planner.model.holds import FarEnd, Hold, Holds, holds_of, spans_of, unreached
+from dlo_planner.model.holds import FarEnd, Hold, holds_of
 from dlo_planner.model.plug import Plug
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
-from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.plan import Plan
 
 _DEEP = 0.5      # of the plug's length: how deep it goes where that is not said
@@ -118,12 +116,15 @@ class InsertPlug(Task):
         instance('context', context, PlanContext)
         length, before = context.rod.length, self.gripper_at(-self.approach)
         start = before if context.start is None else context.start
-        holds = self._holds(context)
+        holds = held_at_first(context, holds_of(self.far_end, self.holds, length))
         demands = replace(context.demands, wrench_limits=(self.max_force, self.max_moment),
                           plug=self.plug)
         depths = np.linspace(0, _DEEP * self.plug.length, _WAYPOINTS) if (
             self.depths is None) else self.depths
-        self._check_reach(context, demands, holds, float(depths[-1]))
+        for place, depth in (('before the socket', -self.approach),
+                             ('in the socket', float(depths[-1]))):
+            check_reach(context, demands, Grips(self.gripper_at(depth), holds),
+                        f'{place} the cable')
         grips = [Grips(start, holds)]
         if np.abs(start.matrix - before.matrix).max() > _SAME * max(1.0, length):
             grips += straight(grips[0], Grips(before, holds), length)
@@ -135,15 +136,6 @@ class InsertPlug(Task):
             self.plug.wrench(shape.gripper, shape.gripper_wrench,
                              context.simulator.surroundings.gravity) for shape in plan.shapes]))
 
-    def _holds(self, context: PlanContext) -> Holds:
-        """Return what holds the cable; raise InvalidTask if `initial` is held otherwise."""
-        stated = holds_of(self.far_end, self.holds, context.rod.length)
-        if context.initial is None:
-            return stated
-        if stated:
-            held_as_said(context.initial, stated)
-        return context.initial.holds
-
     def _stages(self, plan: Plan) -> tuple[tuple[str, int], ...]:
         """Return the stages: the way there, and in the socket from the entrance on."""
         beyond = [(self.plug.front(pose).position - self.socket.position)
@@ -153,16 +145,3 @@ class InsertPlug(Task):
         if 0 < entrance < len(plan):
             return ('approach', 0), ('insert', entrance)
         return (('insert', 0),)
-
-    def _check_reach(self, context: PlanContext, demands: PlanChecker, holds: Holds,
-                     deepest: float) -> None:
-        """Raise Infeasible where the cable is too short for the approach, or for the socket."""
-        loaded = bool(np.any(context.simulator.surroundings.gravity))
-        for place, depth in (('before the socket', -self.approach), ('in the socket', deepest)):
-            gripper, length = self.gripper_at(depth), context.rod.length
-            said = unreached(holds, gripper, length, loaded)
-            if said:
-                missing = max(span.distance - span.length for span in spans_of(
-                    holds, gripper, length))
-                raise Infeasible(f'{place} the cable would be too short: {said}', 0, 'equilibrium',
-                                 max(missing, 0.0), PlanBuilder([0.0], demands).partial())

@@ -17,10 +17,11 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import Grips, between
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.continuation import BranchPoint, GivenPoses, Step
+from dlo_planner.inverse.stages import held_as_said
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.checks import instance, items, number, shown
-from dlo_planner.model.holds import FarEnd, Hold, Holds, alike, have_rings, holds_of
+from dlo_planner.model.holds import FarEnd, Hold, have_rings, holds_of
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
@@ -32,7 +33,6 @@ from dlo_planner.plan.waypoint import Waypoint
 _LONGEST = 0.1        # of the length, and
 SHARPEST = 0.15       # rad: between two waypoints
 _UNEVEN = 0.1         # of a motion: what it may leave an even one in its middle
-_SAME = 1e-6          # m, of 1 m or of the length, and rad: holds that are nearer are one
 _HALVINGS = 8         # of the way between two waypoints where the DLO is hardly stable
 
 
@@ -53,17 +53,6 @@ def straight(one: Grips, other: Grips, length: float) -> list[Grips]:
         one.holds, other.holds, strict=True))]
     parts = max(len(interpolated(*pair, length)) for pair in pairs)
     return [one.towards(other, k / parts) for k in range(1, parts + 1)]
-
-
-def held_as_said(initial: Shape | None, holds: Holds) -> None:
-    """Raise InvalidTask unless `initial`, if there is one, is held where these Holds are."""
-    if initial is None:
-        return
-    if not alike(initial.holds, holds) or any(
-            np.abs(one.pose.matrix - other.pose.matrix).max() > _SAME * max(1.0, initial.s[-1])
-            for one, other in zip(initial.holds, holds, strict=True)):
-        raise InvalidTask(f'initial is held by {shown(initial.holds)}: expected a Shape that is '
-                          f'held as the task says, {shown(holds)}')
 
 
 def limit(name: str, value: object) -> float | None:

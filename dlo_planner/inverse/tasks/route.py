@@ -29,15 +29,16 @@ from dlo_planner.direct.sliding import answer_at
 from dlo_planner.direct.statics import Grips
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.equilibria import least_turn
+from dlo_planner.inverse.stages import Stages, again, held_at_first, upwards
 from dlo_planner.inverse.task import PlanContext, Task
-from dlo_planner.inverse.tasks.move_to import SHARPEST, held_as_said, led, limit
+from dlo_planner.inverse.tasks.move_to import SHARPEST, led, limit
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, items, number, vector
 from dlo_planner.model.holds import RINGS, FarEnd, Hold, holds_of
 from dlo_planner.model.pose import Pose, angle_between, displaced
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.plan import Plan, PlanStatus, in_stages, truncate
+from dlo_planner.plan.plan import Plan, PlanStatus, truncate
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
 _AIMED = 1e-5        # of the length, and rad: by how much the DLO may miss a seat
@@ -337,27 +338,21 @@ class _Routing:
         self._task, self._context = task, context
         self._length = context.rod.length
         start = instance('context.start', context.start, Pose)
-        holds = holds_of(task.far_end, (), self._length)
-        if context.initial is not None:
-            if holds:
-                held_as_said(context.initial, holds)
-            holds = context.initial.holds
-        self._begin = Grips(start, holds)
+        self._begin = Grips(start, held_at_first(context, holds_of(
+            task.far_end, (), self._length)))
         self._simulator: DirectSimulator = context.simulator.without_obstacles()
         self._demands = replace(context.demands, wrench_limits=(task.max_force, task.max_moment),
                                 clearance=task.clearance)
         self._silent = self._demands.silent()
-        self._plans, self._names = list[Plan](), list[str]()
+        self._stages = Stages(self._demands.speeds)
 
     # ---- stage by stage ---------------------------------------------------------------------
 
     def plan(self) -> Plan:
         """Return the Plan, or raise Infeasible that says at which fitting there is none."""
-        try:
-            self._through_all()
-        except Infeasible as error:
-            raise self._with_evidence(error) from None
-        return in_stages(self._plans, self._names, self._demands.speeds)
+        stages = 3 * len(self._task.fittings) + 1
+        return self._stages.plan(self._through_all,
+                                 lambda whole: len(self._stages.plans) / stages)
 
     def _through_all(self) -> None:
         shape = self._simulator.track([self._begin.gripper], initial=self._context.initial,
@@ -575,9 +570,7 @@ class _Routing:
         `rise`: of the length, by how much they rise in the middle.
         """
         begin, length = shape.gripper, self._length
-        gravity = np.asarray(self._simulator.surroundings.gravity)
-        size = float(np.linalg.norm(gravity))
-        up = -gravity / size if size else np.array([0.0, 0.0, 1.0])
+        up = upwards(self._simulator.surroundings.gravity)
         pivot = shape.holds[0].pose.position if shape.holds else None
         whole = Rotation.from_matrix(goal.rotation @ begin.rotation.T).as_rotvec()
         spins = np.zeros(3)
@@ -619,7 +612,7 @@ class _Routing:
                 continue
             return self._added(plan, name)
         assert refused is not None  # one way is tried at least
-        raise self._again(refused, name)
+        raise again(refused, f'{name}: ')
 
     def _entered(self, shape: Shape, fitting: Fitting, aim: _Aim,
                  name: str) -> tuple[Shape, float]:
@@ -743,7 +736,7 @@ class _Routing:
         try:
             plan = led(self._context, grips, self._silent, (len(found) - 1,), begin)
         except Infeasible as error:
-            raise self._again(error, f'press {name}') from None
+            raise again(error, f'press {name}: ') from None
         return self._added(plan, f'press {name}')
 
     def _settled(self, shape: Shape, fitting: Fitting, s: float, name: str) -> float:
@@ -781,9 +774,7 @@ class _Routing:
                         f'{name}: waypoint {index}: the DLO is drawn out of {hold.by} with '
                         f'{pulled:.3g} N, it retains {held.retains:.3g} N', index, 'retains',
                         pulled - held.retains, truncate(plan, index, PlanStatus.PARTIAL), 'N')
-        self._plans.append(plan)
-        self._names.append(name)
-        return plan.shapes[-1]
+        return self._stages.add(name, plan)
 
     # ---- refusals ---------------------------------------------------------------------------
 
@@ -791,21 +782,3 @@ class _Routing:
                  unit: str | None = None) -> Infeasible:
         """Return a refusal without a plan of its own."""
         return Infeasible(f'{name}: {why}', 0, constraint, float(amount), None, unit)
-
-    def _again(self, error: Infeasible, name: str) -> Infeasible:
-        return Infeasible(f'{name}: ' + str(error).rpartition(' (')[0], error.waypoint,
-                          error.constraint, error.amount, error.plan, error.unit)
-
-    def _with_evidence(self, error: Infeasible) -> Infeasible:
-        """Return a refusal that carries all stages until then."""
-        if not self._plans:
-            return error
-        plans, names = list(self._plans), list(self._names)
-        if error.plan is not None and len(error.plan):
-            plans.append(error.plan)
-            names.append('refused')
-        whole = in_stages(plans, names, self._demands.speeds)
-        error.waypoint += sum(map(len, self._plans))
-        error.plan = replace(whole, status=PlanStatus.PARTIAL,
-                             fraction=len(self._plans) / (3 * len(self._task.fittings) + 1))
-        return error

@@ -30,6 +30,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.geometry.so3 import partway
 from dlo_planner.inverse.equilibria import least_turn
+from dlo_planner.inverse.stages import Stages
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import limit
 from dlo_planner.inverse.tasks.thread import Thread
@@ -51,7 +52,7 @@ from dlo_planner.plan.margin import (
     usual_uncertainty,
 )
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import Plan, PlanStatus, in_stages, truncate
+from dlo_planner.plan.plan import Plan, PlanStatus, truncate
 from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_at
 
 FIRST, SECOND = 'first', 'second'  # names of the hands
@@ -251,17 +252,14 @@ class _HandOverHand:
         if np.linalg.norm(across) < _VERTICAL * max(1.0, float(np.linalg.norm(gravity))):
             across = np.array(task.cutout.pose.rotation[:, 1])
         self._across: Floats = across / np.linalg.norm(across)  # about which hands pitch
-        self._plans, self._names = list[Plan](), list[str]()
+        self._stages = Stages(self._demands.speeds)
         self._inside = dict[float, GraspedInside]()  # by where the hand holds the DLO, m
         self._errors = GripErrors(self._uncertainty)  # of the grips, until the last stage ends
 
     def plan(self) -> Plan:
         """Return the Plan, or raise Infeasible that says which stage there is none of."""
-        try:
-            self._hand_over_hand()
-        except Infeasible as error:
-            raise self._with_evidence(error) from None
-        return in_stages(self._plans, self._names, self._demands.speeds)
+        return self._stages.plan(self._hand_over_hand, lambda whole: float(
+            whole.depths[-1] / self._task.length))
 
     def _hand_over_hand(self) -> None:
         """Make all stages."""
@@ -654,8 +652,7 @@ class _HandOverHand:
         stage = builder.finished()
         self._check_workspace(stage, name)
         self._errors = errors
-        self._plans.append(stage)
-        self._names.append(name)
+        self._stages.add(name, stage)
         return found[-1][0]
 
     def _builder(self, name: str, found: Sequence[Step],
@@ -674,21 +671,6 @@ class _HandOverHand:
     def _holes_of(self, simulator: DirectSimulator) -> Holes:
         return Holes((self._task.cutout,), self._length, self._demands.obstacles,
                      Surface.of(simulator.rod))
-
-    def _with_evidence(self, error: Infeasible) -> Infeasible:
-        """Return a refusal that carries all stages until then."""
-        if not self._plans:
-            return error
-        partial, count = error.plan, sum(map(len, self._plans))
-        plans, names = list(self._plans), list(self._names)
-        if partial is not None and len(partial) and partial.shapes[0].holds:
-            plans.append(partial)
-            names.append('refused')
-        whole = in_stages(plans, names, self._demands.speeds)
-        error.plan = replace(whole, status=PlanStatus.PARTIAL, fraction=float(
-            whole.depths[-1] / self._task.length))
-        error.waypoint += count
-        return error
 
     def _check_workspace(self, stage: Plan, name: str) -> None:
         """Raise Infeasible where a hand leaves the workspace in a stage."""
@@ -773,8 +755,8 @@ class _OverTheRim(_HandOverHand):
         if not shape.converged or not shape.contacts or (
                 (shape.positions[-1] - self._center) @ self._normal <= 0):
             raise self._builder(name, [(shape, at)]).refusal(
-                'friction', apart(self._plans[-1].shapes[-1], shape), 'the rim does not hold what '
-                f'has passed: with {1 - _SURE:.0%} of its friction the DLO would slide off', 'm')
+                'friction', apart(self._stages.plans[-1].shapes[-1], shape), 'the rim does not hold '
+                f'what has passed: with {1 - _SURE:.0%} of its friction the DLO would slide off', 'm')
 
     def _drawn_on(self, shape: Shape, at: float, left: float,
                   count: int) -> tuple[Shape, float, float]:
@@ -789,13 +771,13 @@ class _OverTheRim(_HandOverHand):
             if self._task.stroke is not None and stroke > self._task.stroke * (1 + _EXACT) or (
                     not first > self._gap):
                 continue
-            kept, errors = len(self._plans), self._errors
+            kept, errors = len(self._stages.plans), self._errors
             try:
                 lifted = self._lifted(shape, first, at, f'lift {count}')
                 return self._pushed(lifted, first, at, stroke, f'pull {count}'), first, stroke
             except Infeasible as error:
                 refused = refused or error
-                del self._plans[kept:], self._names[kept:]
+                self._stages.cut(kept)
                 self._errors = errors
         if refused is None:
             raise InvalidTask(f'stroke = {self._task.stroke!r}: expected at least '

@@ -1,0 +1,197 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A cable through forks and clips of a board, in the cell's engine.
+
+`python test/routes_in_cell.py [seeds] [first seed] [forks or clips]` plans the routes of
+`benchmarks.routes`, and executes them stage by stage in open loop, with a cable and fittings that
+are not quite as stated. Forks are walls: two prongs, a floor, and a lid that snaps shut when the
+floor bears the `push` of the fork; the cable rubs on them as Coulomb says, not with the friction
+that the planner takes. Clips hold what lies in them when their floor bears their push. Where the
+cable is a little longer than stated a fitting does not snap at the planned pose: then the gripper
+goes on, straight and slowly, until it does, 6 mm at most, as a robot does that presses. A run is
+done when each fitting has snapped with the cable in it, the cable is in all of them at the end, and
+nothing was rammed.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent)]
+
+from benchmarks.routes import board  # noqa: E402
+from dlo_planner import (  # noqa: E402
+    Box,
+    Hold,
+    Infeasible,
+    InverseSimulator,
+    Limits,
+    NotConverged,
+    Pose,
+    Trajectory,
+)
+from dlo_planner.cell.plant import STEP, Plant  # noqa: E402
+from dlo_planner.cell.robot import nearer  # noqa: E402
+from dlo_planner.cell.truth import Unknowns  # noqa: E402
+from dlo_planner.tasks import Clip  # noqa: E402
+
+PERIOD = 0.02   # s
+CELLS = 80
+LONG, THICK, DEEP = 6e-3, 4e-3, 8e-3  # m: a prong along the cable, across it, and out of the floor
+LIP = 0.3e-3    # m, below the cable in its seat, and above it when the lid is shut
+RUB = 0.2       # Coulomb's coefficient of the walls
+RAMMED = 20.0   # N, a force at which a run is given up
+LIMITS = Limits(linear_speed=0.1, angular_speed=0.5)
+UNKNOWN = Unknowns(0.02, 0.01, natural_curvature=np.array([0.02]), length=3e-4,
+                   gripper_position=2e-4, gripper_rotation=1e-3)
+FIRMLY = 1.5    # times the push of a fitting, with which it is planned to be pressed into
+ON, MOST_ON = 5e-4, 6e-3  # m: steps in which a gripper presses on, and how far at most
+PLACED = 1e-4   # m, standard deviation of where a fitting is
+
+
+def walls(fitting, radius, shift):
+    """Return prongs, floor and lid of a fitting, as boxes that are displaced by shift (3,), m."""
+    axes = np.stack([fitting.pose.rotation[:, 0], fitting.aside, fitting.outwards], axis=1)
+    axes[:, 1] = np.cross(axes[:, 2], axes[:, 0])
+
+    def box(size, y, z):
+        center = fitting.pose.position + shift + axes @ np.array([0.0, y, z])
+        return Box(Pose.from_rotation(center, axes), size, friction=RUB)
+
+    half = radius + fitting.room
+    high = radius + LIP
+    prongs = [box((LONG, THICK, DEEP + high), sign * (half + 0.5 * THICK), 0.5 * (DEEP - high))
+              for sign in (1.0, -1.0)]
+    floor, lid = (box((LONG, 2 * half + THICK, THICK), 0.0, sign * (high + 0.5 * THICK))
+                  for sign in (-1.0, 1.0))
+    return [*prongs, floor, lid]
+
+
+def planned(kind, seed):
+    """Return the simulator, the task, the plan, and a trajectory of each stage."""
+    direct, task, start = board(kind, seed)
+    # the engine's clips hold all turns, as the hands do
+    task = replace(task, fittings=[replace(one, grip='clamped') if isinstance(one, Clip) else one
+                                   for one in task.fittings])
+    plan = InverseSimulator(direct).plan(replace(task, fittings=[
+        replace(one, push=FIRMLY * one.push) for one in task.fittings]), start=start)
+    return direct, task, plan, [Trajectory(stage, LIMITS, tolerance=np.inf)
+                                for stage in plan.stage_plans]
+
+
+class Run:
+    """One run: the plant, and what has snapped with which force, N, by numbers of fittings."""
+
+    def __init__(self, direct, task, plan, seed, unknown=UNKNOWN, placed=PLACED):
+        rng = np.random.default_rng([seed, 4627])
+        truth, radius = unknown.draw(rng), direct.rod.radius
+        self.fittings, self.plan = task.fittings, plan
+        self.shifts = [placed * rng.standard_normal(3) for _ in task.fittings]
+        made = [wall for fitting, shift in zip(task.fittings, self.shifts, strict=True)
+                for wall in walls(fitting, radius, shift)]
+        self.clips = [k for k, fitting in enumerate(task.fittings) if isinstance(fitting, Clip)]
+        self.goals = {hold.by: hold.pose for hold in plan.shapes[-1].holds}
+        self.seats = {k: Pose(task.fittings[k].pose.position + self.shifts[k],
+                              self.goals[f'clip {k + 1}'].quaternion) for k in self.clips}
+        self.plant = Plant(
+            direct.rod, plan.grippers[0], [*direct.obstacles, *made], truth=truth, step=STEP,
+            cells=CELLS, damping=0.1, far_end=task.far_end,
+            fittings=[Hold(seat, s=0.5 * direct.rod.length) for seat in self.seats.values()])
+        self.first = len(direct.obstacles)
+        for k in range(len(task.fittings)):
+            self.plant.put(self.first + 4 * k + 3, False)  # lids are open
+        self.snapped, self.pressed = dict[int, float](), dict[int, float]()
+
+    def move(self, pose, pressing=None, seconds=PERIOD):
+        """Go on to a pose, `pressing` into a fitting; return whether nothing is rammed."""
+        hands = {self.clips.index(k): self.seats[k] for k in self.snapped if k in self.clips}
+        self.plant.move(pose, seconds, hands=hands)
+        if pressing is not None and pressing not in self.snapped:
+            k, bears = pressing, float(self.plant.forces[self.first + 4 * pressing + 2])
+            self.pressed[k] = max(self.pressed.get(k, 0.0), bears)
+            if bears >= self.fittings[k].push and self.miss(k) < self.fittings[k].room + 1e-3:
+                self.snapped[k] = bears
+                if k in self.clips:
+                    self.plant.snap(self.clips.index(k))
+                else:
+                    self.plant.put(self.first + 4 * k + 3)
+        return self.plant.forces.max() < RAMMED
+
+    def press_on(self, stage, k):
+        """Go beyond the farthest pose of a stage, until a fitting snaps, and back."""
+        before, top = (stage.grippers[i] for i in (stage.stops[0] - 1, stage.stops[0]))
+        way = top.position - before.position
+        way *= ON / np.linalg.norm(way)
+        for share in np.linspace(0, 1, 50):
+            self.move(nearer(stage.grippers[-1], top, share), k)
+        on = 0
+        while k not in self.snapped and on < MOST_ON / ON:
+            on += 1
+            for part in np.linspace(0, 1, 11)[1:]:
+                self.move(Pose(top.position + (on - 1 + part) * way, top.quaternion), k)
+        there = Pose(top.position + on * way, top.quaternion)
+        for share in np.linspace(0, 1, 50):
+            self.move(nearer(there, stage.grippers[-1], share))
+
+    def miss(self, k):
+        """Return how far the cable is from the middle of a fitting, m."""
+        s = np.linspace(0, self.plant.length, 2001)
+        seat = self.fittings[k].pose.position + self.shifts[k]
+        return float(np.linalg.norm(self.plant.points(s) - seat, axis=1).min())
+
+
+def executed(direct, task, plan, motions, seed, **unknown):
+    """Return figures of a run, by name."""
+    run = Run(direct, task, plan, seed, **unknown)
+    pressed_on = 0
+    for (name, _), stage, motion in zip(plan.starts, plan.stage_plans, motions, strict=True):
+        k = int(name.split()[-1]) - 1 if name.startswith('press') else None
+        for pose in motion.poses(PERIOD * np.arange(1, int(motion.duration / PERIOD) + 2)):
+            if not run.move(pose, k):
+                return {'rammed': float(run.plant.forces.max()), 'at': name}
+        if k is not None and k not in run.snapped:
+            run.press_on(stage, k)
+            pressed_on += 1
+        if k is not None and k not in run.snapped:
+            return {'did not snap': k + 1, 'bore at most': run.pressed.get(k, 0.0),
+                    'snaps at': task.fittings[k].push, 'misses': run.miss(k)}
+    for _ in range(50):
+        run.move(plan.grippers[-1])
+    return {'snapped': len(run.snapped), 'pressed on': pressed_on, 'seconds': run.plant.time,
+            'largest force': float(run.plant.largest_forces.max()),
+            'worst miss': max(run.miss(k) for k in range(len(task.fittings)))}
+
+
+def is_done(figures, task):
+    """Whether each fitting has snapped, and holds the cable in the end."""
+    return figures.get('snapped') == len(task.fittings) and figures['worst miss'] < max(
+        one.room for one in task.fittings) + 2 * LIP + 1e-3
+
+
+def main():
+    """Execute each route in its own cell."""
+    count, first, kind = (*sys.argv[1:], *('8', '0', 'forks')[len(sys.argv) - 1:])
+    done = tried = 0
+    for seed in range(int(first), int(first) + int(count)):
+        try:
+            direct, task, plan, motions = planned(kind, seed)
+        except Infeasible as error:
+            print(f'{kind} {seed}: not planned: {error}', flush=True)
+            continue
+        tried += 1
+        try:
+            figures = executed(direct, task, plan, motions, seed)
+        except NotConverged as error:
+            figures = {'unstable': str(error)}
+        good = is_done(figures, task)
+        done += good
+        print(f'{kind} {seed}: {"done" if good else "NOT done"}', ', '.join(
+            f'{name} {value:.4g}' if isinstance(value, float) else f'{name} {value}'
+            for name, value in figures.items()), flush=True)
+    print(f'{done} of {tried} done')
+
+
+if __name__ == '__main__':
+    main()
