@@ -60,8 +60,8 @@ _AGO = -1e6    # s
 _LEAST_WINDOW, _NEXT = 0.1, 1.1  # s; each duration that is tried is so many times the last one.
 EXACT = 1 + 1e-3  # of a limit: differences of rounded numbers
 # what all arms of a motion have in common: how far it is, and why it ends
-_IN_STEP = ('phase', 'done', 'cause', 'reason', 'pace', 'rising', 'since', 'last', 'deadline', 'stamp',
-            'past', 'trail', 'published_until')
+_IN_STEP = ('phase', 'done', 'cause', 'reason', 'pace', 'rising', 'since', 'last', 'deadline',
+            'stamp', 'past', 'trail', 'published_until')
 
 
 class Ahead(NamedTuple):

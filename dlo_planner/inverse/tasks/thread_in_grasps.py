@@ -755,8 +755,9 @@ class _OverTheRim(_HandOverHand):
         if not shape.converged or not shape.contacts or (
                 (shape.positions[-1] - self._center) @ self._normal <= 0):
             raise self._builder(name, [(shape, at)]).refusal(
-                'friction', apart(self._stages.plans[-1].shapes[-1], shape), 'the rim does not hold '
-                f'what has passed: with {1 - _SURE:.0%} of its friction the DLO would slide off', 'm')
+                'friction', apart(self._stages.plans[-1].shapes[-1], shape), 'the rim does not '
+                f'hold what has passed: with {1 - _SURE:.0%} of its friction the DLO would slide '
+                'off', 'm')
 
     def _drawn_on(self, shape: Shape, at: float, left: float,
                   count: int) -> tuple[Shape, float, float]:
