@@ -452,15 +452,20 @@ class Discretization(Value):
             free: Problem = with_gripper(self.free, base, place)
             return free
         past = self.start if memory is None else memory
-        left: tuple[Any, ...] = (
-            self._nothing if culled else (past.plastic, past.node_force, *past.points[:-1]))
-        result: Problem = placed(
-            self.held if culled else self.full, base, place,
-            self._hold_rows(holds, place, past.hold, springs) if holds else self._no_holds,
-            self.held_spring if holds else self.spring, *left)
+        full, *left = self.placing(place, past, holds, culled, springs)
+        result: Problem = placed(full, base, place, *left)
         if self.touches_itself and not culled:
             result = result._replace(strands=self._known_strands(past))
         return result
+
+    def placing(self, origin: Floats, past: Memory, holds: Holds, culled: bool,
+                springs: bool) -> tuple[Any, ...]:
+        """Return what `minimize.solve.placed` takes but the gripper; arguments as of `system`."""
+        left: tuple[Any, ...] = (
+            self._nothing if culled else (past.plastic, past.node_force, *past.points[:-1]))
+        return (self.held if culled else self.full,
+                self._hold_rows(holds, origin, past.hold, springs) if holds else self._no_holds,
+                self.held_spring if holds else self.spring, *left)
 
     def _known_strands(self, memory: Memory) -> Strands:
         """Return the Strands that a Memory knows of."""
@@ -589,7 +594,7 @@ class Discretization(Value):
         """Whether there are obstacles."""
         return bool(self.surroundings.obstacles)
 
-    @property
+    @cached_property
     def touches_itself(self) -> bool:
         """Whether its strands keep each other off."""
         return self.surroundings.self_contact

@@ -28,6 +28,8 @@ def passed_between(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
 
     Where it has, nan is returned if that cannot be known.
     """
+    if shape.state.mesh is not None and shape.state.mesh.touches_itself:
+        return False  # the search sweeps each of its steps (and may swing past the back of a grip)
     if bends_little(previous) and bends_little(shape):
         return False
     if jumped and _is_turned(previous) and _is_turned(shape):

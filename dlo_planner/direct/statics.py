@@ -63,6 +63,7 @@ from dlo_planner.minimize.solve import (
     follow_step,
     is_equilibrium,
     outcome,
+    placed_step,
     solve_step,
 )
 from dlo_planner.model.arrays import Floats, Ints
@@ -705,26 +706,32 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
              holds: Holds, how: Search, culled: bool,
              watch: Watch | None = None) -> Solution:
     """Return the Solution of a step, found by one compiled call; arguments as of `equilibrium`."""
-    system = mesh.free
-    if holds or not culled:
-        system = mesh.system(gripper.rotation, gripper.position, memory, holds, culled=culled,
-                             springs=not how.near)
     full = None if watch is None or mesh.hangs or not culled else mesh.full
     places, frames, rotation, nodes, most = watch or UNWATCHED
-    tangents = NOWHERE
+    tangents, exact = NOWHERE, how.exact * mesh.s.item(-1)
     if memory is not None and not culled:
         places, tangents = read_only(memory.positions), read_only(memory.tangents)
-
-    def solved(system: Problem, strains: Floats, how: Search) -> Solution:
-        return _uninterrupted(solve_step(
-            system, full, gripper.rotation, gripper.position, read_only(strains), places, tangents,
-            frames, rotation, nodes, most, how.tolerance, how.exact * mesh.s.item(-1), how.steps,
-            how.check, how.near))
-
     if mesh.touches_itself and not culled:
         from dlo_planner.direct.self_contact import kept_apart  # noqa: PLC0415  (few DLOs need it)
+        system = mesh.system(gripper.rotation, gripper.position, memory, holds)
+
+        def solved(system: Problem, strains: Floats, how: Search) -> Solution:
+            return _uninterrupted(solve_step(
+                system, full, gripper.rotation, gripper.position, read_only(strains), places,
+                tangents, frames, rotation, nodes, most, how.tolerance, exact, how.steps, how.check,
+                how.near))
+
         return kept_apart(mesh, memory or mesh.start, system, strains, how, solved)
-    return solved(system, strains, how)
+    base, origin, strains = gripper.rotation, gripper.position, read_only(strains)
+    if holds or not culled:
+        system, *left = mesh.placing(origin, memory or mesh.start, holds, culled, not how.near)
+        given: tuple[Any, ...] = (
+            system, base, origin, *left, full, strains, places, tangents, frames, rotation, nodes,
+            most, how.tolerance, exact, how.steps, how.check, how.near)
+        return _uninterrupted(placed_step(*given))
+    return _uninterrupted(solve_step(
+        mesh.free, full, base, origin, strains, places, tangents, frames, rotation, nodes, most,
+        how.tolerance, exact, how.steps, how.check, how.near))
 
 
 def _uninterrupted(found: tuple[Any, ...]) -> Solution:

@@ -171,6 +171,20 @@ def solve_step(system: Problem, watched: Any, base: Floats, origin: Floats, stra
 
 
 @kernel
+def placed_step(system: Problem, base: Floats, origin: Floats, hold: Any, spring: float,
+                plastic: Floats, node: Floats, element: Ints, obstacle: Ints, multiplier: Floats,
+                fraction: Floats, anchor: Floats, normal: Floats, shear: Floats, watched: Any,
+                strains: Floats, places: Floats, tangents: Floats, frames: Floats,
+                turned_from: Floats, nodes: Ints, most: float, tolerance: float, exact: float,
+                steps: int, check: bool, near: bool) -> Any:
+    """Return what `solve_step` does of what is `placed`: a Problem takes long to go to Python."""
+    there = placed(system, base.copy(), origin.copy(), hold, spring, plastic, node, element,
+                   obstacle, multiplier, fraction, anchor, normal, shear)
+    return solve_step(there, watched, base, origin, strains, places, tangents, frames, turned_from,
+                      nodes, most, tolerance, exact, steps, check, near)
+
+
+@kernel
 def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, node: Floats,
                    element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats,
                    anchor: Floats, normal: Floats, shear: Floats, slid: Floats, places: Floats,
