@@ -23,8 +23,10 @@ from dlo_planner.energy.strands import Strands, bears, near_pairs, nearest_point
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Floats, Ints
 
-_MORE = 3          # times the steps of a search: a DLO that falls winds itself up bit by bit
+_MORE = 5          # times the steps of a search: a DLO that falls winds itself up bit by bit
 _ROUGH = 1e-3      # residual
+_SLOWLY = 0.25     # of what springs bore before: where new forces leave more, springs become
+_STIFFER, _STIFFEST = 3.0, 100.0  # so many times as stiff (Nocedal and Wright, alg. 17.4), at most
 _STEPS = 10        # of Newton's method until pairs are looked for anew,
 _FREE = 100        # and where none are near
 _CREEPS = 1e-3     # of the length: what moves by less in so many steps does not fall,
@@ -85,7 +87,7 @@ def _kept_apart(mesh: Discretization, radii: Floats, known: dict[tuple[int, int]
     """Return what `kept_apart` does of strands with these radii (N,) and known forces, N."""
     lengths, spring = mesh.free.lengths, mesh.pair_spring
     positions = _places(system, strains)
-    length, check, iterations, kicks = float(mesh.s[-1]), False, 0, 0
+    length, left, check, iterations, kicks = float(mesh.s[-1]), np.inf, False, 0, 0
     while True:
         strands = _near(lengths, strains, positions, radii, known, spring)
         steps = _STEPS if len(strands.pair) else _FREE
@@ -97,7 +99,9 @@ def _kept_apart(mesh: Discretization, radii: Floats, known: dict[tuple[int, int]
         strains, positions = end.strains, end.positions
         borne, off = _borne(lengths, positions, strands)
         if end.residual < _ROUGH:  # else forces are those of a shape that is none
-            known = borne
+            if off > max(_SLOWLY * left, _EXACT * length):
+                spring = min(_STIFFER * spring, _STIFFEST * mesh.pair_spring)
+            known, left = borne, off
         watched = {tuple(pair) for pair in strands.pair.tolist()}
         inside = _pairs(lengths, strains, positions, radii, 0.0)
         if (end.stationary and end.violation <= KEPT * length and off <= _EXACT * length
