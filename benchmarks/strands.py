@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A twisted wire that winds itself up under tension, beside the theory of plectonemes.
+"""A twisted wire that winds itself up, beside the theory of plectonemes.
 
-`python -m benchmarks.strands [ELEMENTS]` (128; one to two minutes) turns the end of a wire that is
-pulled along its axis until it throws a loop and winds itself up; then it is pulled harder, step by
-step. Where strands of radius r wind around each other at an angle a, straight tails beside them,
-theory says which moment and force hold the wire (Clauvelin, Audoly and Neukirch, Macromolecules 41,
-2008): M = 2 EI cos a sin^3 a / (r cos 2a), F = EI sin^4 a (1/2 + 1 / cos 2a) / r^2. What ends the
+`python -m benchmarks.strands [ELEMENTS]` (128; half a minute) turns the end of a wire that is held
+nearer than it is long, until it throws a loop and winds itself up, and on. Where strands of radius
+r wind around each other at an angle a, straight tails beside them, theory says which moment and
+pull hold the wire (Clauvelin, Audoly and Neukirch, Macromolecules 41, 2008):
+M = 2 EI cos a sin^3 a / (r cos 2a), F = EI sin^4 a (1/2 + 1 / cos 2a) / r^2. What ends the
 plectoneme, its loop and its tails, is as it is however long it is, and has no part in that.
 """
 
@@ -16,16 +16,15 @@ from time import process_time
 import numpy as np
 from scipy.optimize import brentq
 
-from dlo_planner import DirectSimulator, FarEnd, PointLoad, Pose, Rod
+from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
 
 _EI, _LENGTH, _RADIUS = 1.2e-3, 0.6, 4e-3
 _ROD = Rod(length=_LENGTH, mass_per_length=0.035, bending_stiffness=_EI,
            torsional_stiffness=0.8 * _EI, radius=_RADIUS)
 _GRIPPER = Pose.looking_along((0, 0, 0), (1, 0, 0))
-_FIRST = 1.0              # N, with which the wire is wound up
-_TURNS, _STEP = 7.25, 0.125
-_PULLS = 1.5, 2.0, 2.5, 3.0, 3.5
-_LEAST = 9                # places that bear: fewer are no plectoneme
+_X = 0.3                  # m, from grip to grip
+_TURNS, _STEP = 8.0, 0.125
+_LEAST = 12               # places that bear: fewer are no plectoneme
 
 
 def theory(pull: float) -> tuple[float, float]:
@@ -35,26 +34,10 @@ def theory(pull: float) -> tuple[float, float]:
     return angle, 2 * _EI * np.cos(angle) * np.sin(angle)**3 / (_RADIUS * np.cos(2 * angle))
 
 
-def _simulator(pull, elements):
-    return DirectSimulator(_ROD, basis='local', n_elements=elements, gravity=(0, 0, 0),
-                           point_loads=[PointLoad(force=(pull, 0, 0))], self_contact=True)
-
-
-def _end(turns, x):
+def _end(turns):
     a = 2 * np.pi * turns
     about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
-    return FarEnd(Pose.from_rotation(np.array([x, 0, 0]), _GRIPPER.rotation @ about_x), 'sleeve')
-
-
-def wound_up(elements):
-    """Return the Shape of the wire that has wound itself up."""
-    simulator, shape = _simulator(_FIRST, elements), None
-    for turns in np.arange(0.0, _TURNS + 1e-9, _STEP):
-        x = _LENGTH if shape is None else shape.positions[-1, 0]
-        shape = simulator.solve(_GRIPPER, shape, far_end=_end(turns, x))
-        if not shape.converged:
-            raise RuntimeError(f'at {turns:g} turns: {shape.status}')
-    return shape
+    return FarEnd(Pose.from_rotation(np.array([_X, 0, 0]), _GRIPPER.rotation @ about_x))
 
 
 def angle_of(shape):
@@ -68,22 +51,26 @@ def angle_of(shape):
 def main():
     """Print the table; return 1 where a moment or an angle is off by more than 3 %."""
     elements = int(sys.argv[1]) if len(sys.argv) > 1 else 128
-    began = process_time()
-    shape = wound_up(elements)
-    print(f'{elements} elements, wound up in {process_time() - began:.0f} s of CPU: '
-          f'{shape.status}, {len(shape.self_contacts)} places bear')
-    print('| pull [N] | moment [N m] | theory | off | angle [rad] | theory | off | places |')
-    print('| --- | --- | --- | --- | --- | --- | --- | --- |')
-    wrong = False
-    for pull in _PULLS:
-        shape = _simulator(pull, elements).solve(
-            _GRIPPER, shape, far_end=_end(_TURNS, shape.positions[-1, 0]))
-        angle, moment = theory(pull)
-        found, turned, count = abs(shape.far_wrench[3]), angle_of(shape), len(shape.self_contacts)
+    simulator = DirectSimulator(_ROD, basis='local', n_elements=elements, gravity=(0, 0, 0),
+                                self_contact=True)
+    print('| turns | pull [N] | moment [N m] | theory | off | angle [rad] | theory | off | places |'
+          ' status | CPU [s] |')
+    print(f'|{" --- |" * 11}')
+    shape, wrong = None, False
+    for turns in np.arange(0.0, _TURNS + 1e-9, _STEP):
+        began = process_time()
+        shape = simulator.solve(_GRIPPER, shape, far_end=_end(turns))
+        took, count = process_time() - began, len(shape.self_contacts)
+        wrong |= not shape.converged
+        if count < _LEAST or turns % 0.5:
+            continue
+        pull, found = float(shape.far_wrench[0]), abs(shape.far_wrench[3])
+        (angle, moment), turned = theory(pull), angle_of(shape)
         off = found / moment - 1, turned / angle - 1
-        wrong |= count >= _LEAST and not (shape.converged and max(map(abs, off)) < 0.03)
-        print(f'| {pull:g} | {found:.5f} | {moment:.5f} | {off[0]:+.1%} | {turned:.4f} | '
-              f'{angle:.4f} | {off[1]:+.1%} | {count} |', flush=True)
+        wrong |= max(map(abs, off)) > 0.03
+        print(f'| {turns:g} | {pull:.3f} | {found:.5f} | {moment:.5f} | {off[0]:+.1%} | '
+              f'{turned:.4f} | {angle:.4f} | {off[1]:+.1%} | {count} | {shape.status} | '
+              f'{took:.2f} |', flush=True)
     return int(wrong)
 
 

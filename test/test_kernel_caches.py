@@ -114,7 +114,8 @@ def package_of_kernels():
         copy = folder / 'dlo_planner'
         shutil.copytree(package / 'kernels', copy / 'kernels',
                         ignore=shutil.ignore_patterns('__pycache__'))
-        shutil.copy(package / 'prebuild.py', copy)
+        for name in ('prebuild.py', 'signals.py'):
+            shutil.copy(package / name, copy)
         version = "__version__ = '0.0.0'\n"
         for name, text in (('__init__', version), ('deep', DEEP), ('chain', CHAIN),
                            ('exercises', EXERCISES)):
