@@ -91,7 +91,8 @@ def even(simulator: DirectSimulator, rod: Rod) -> bool:
     """Return whether a Rod hangs freely and all is the same along it, as `free_rods` asks."""
     around = simulator.surroundings
     return not (around.obstacles or around.pinned or around.point_loads or callable(around.load)
-                or rod.yields or rod.varies or rod.nodes or simulator.method != 'newton')
+                or around.self_contact or rod.yields or rod.varies or rod.nodes
+                or simulator.method != 'newton')
 
 
 def free_rods(simulator: DirectSimulator, rods: Sequence[Rod], positions: Floats,

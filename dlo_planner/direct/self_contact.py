@@ -28,15 +28,14 @@ _ROUGH = 1e-3      # residual
 _SLOWLY = 0.25     # of what springs bore before: where new forces leave more, springs become
 _STIFFER, _STIFFEST = 3.0, 100.0  # so many times as stiff (Nocedal and Wright, alg. 17.4), at most
 _STEPS = 10        # of Newton's method until pairs are looked for anew,
-_FREE = 100        # and where none are near
-_CREEPS = 1e-3     # of the length: what moves by less in so many steps does not fall,
-_STUCK = 1e-8      # and what bears on itself is stuck
+_FREE = 100        # the same where none are near
+_CREEPS = 1e-3     # of the length: what moves by less in so many steps does not fall
+_STUCK = 1e-8      # of the length: what bears on itself and moves by less is stuck
 _SHALLOW = 0.9     # of the sum of both radii: strands that are nearer grow to their thickness,
 _GROWTH, _LEAST = 1.2, 0.02  # each time to so much, and so much of that sum more
 _WATCHED = 0.5     # of the larger radius: pairs as near as that beyond both radii are looked at
 _FALLEN = 1.5      # rad: what bends or twists by more in a step, in all, may have fallen
 _EXACT = 1e-7      # of the length: depths aimed at
-_SPRING = 30.0     # times EI / (r l^2), with l the mean length of elements: the springs
 
 
 def may_have_met(previous: Shape, shape: Shape) -> bool:
@@ -75,9 +74,9 @@ def kept_apart(mesh: Discretization, memory: Memory, system: Problem, strains: F
     while thick < _SHALLOW:
         end = _kept_apart(mesh, mesh.radii * thick, {}, system, strains,
                           how._replace(check=False), solved)
-        strains, thick = end.strains, min(_GROWTH * thick + _LEAST, 1.0)
         if not end.residual < np.inf:
-            return end
+            break  # as thick as it is it may be found all the same
+        strains, thick = end.strains, min(_GROWTH * thick + _LEAST, 1.0)
     return _kept_apart(mesh, mesh.radii, known, system, strains, how, solved)
 
 

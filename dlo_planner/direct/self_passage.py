@@ -28,15 +28,17 @@ def passed_between(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
 
     Where it has, nan is returned if that cannot be known.
     """
-    if shape.state.mesh is not None and shape.state.mesh.touches_itself:
-        return False  # the search sweeps each of its steps (and may swing past the back of a grip)
     if bends_little(previous) and bends_little(shape):
         return False
     if jumped and _is_turned(previous) and _is_turned(shape):
         if _turned_by(previous, shape) > _KNOWN:
             return np.nan
         changed = [abs(_link(shape, tilt) - _link(previous, tilt)) > 1.0 for tilt in _TILTS]
-        return changed[0] if len(set(changed)) == 1 else np.nan
+        if len(set(changed)) > 1 or changed[0] and _is_swept(shape):
+            return np.nan  # it may have swung past the back of a grip
+        return changed[0]
+    if _is_swept(shape):
+        return False
     if previous.s is shape.s or np.array_equal(previous.s, shape.s):
         strains, positions = previous.element_strains, previous.positions
     else:
@@ -56,6 +58,11 @@ def bends_little(shape: Shape) -> bool:
     """Whether a Shape bends by less than a right angle in all, as its energy tells."""
     mesh = shape.state.mesh
     return mesh is not None and shape.elastic_energy <= mesh.bending_back
+
+
+def _is_swept(shape: Shape) -> bool:
+    """Whether the search for a Shape has swept each of its steps: it does not pass itself."""
+    return shape.state.mesh is not None and shape.state.mesh.touches_itself
 
 
 def _is_turned(shape: Shape) -> bool:

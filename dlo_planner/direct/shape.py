@@ -321,7 +321,8 @@ class Shape(Pictured):
         from the gripper; of a motion, since it began. Nothing holds its pieces off each other: a
         shape that is beyond such a passage is none that a DLO comes to. nan where that is not
         known: of a fall, whose way nobody knows, unless both ends are clamped or in a sleeve. Then
-        twist and writhe tell, as no way changes their sum but through itself.
+        twist and writhe tell, as no way changes their sum but through itself, or past the back of a
+        grip. Of a simulator with `self_contact` it is never True; nan where that sum has changed.
     state : State
         What it leaves to the next step, besides what is listed above; opaque.
     """
@@ -758,13 +759,14 @@ class Shape(Pictured):
     @property
     def _chords_off(self) -> float:
         """By how much strands that keep each other off may be in each other, m."""
+        mesh = self.state.mesh
         if not self.self_contacts:
-            return 0.0
+            return _KEPT * self.s[-1] if mesh is not None and mesh.touches_itself else 0.0
         bends = np.hypot(self.element_strains[:, 1], self.element_strains[:, 2])
         heights = 0.125 * np.diff(self.s) ** 2 * bends  # of arcs over their chords
         places = [self._element_at(one.s)[0] for one in self.self_contacts] + [
             self._element_at(one.other_s)[0] for one in self.self_contacts]
-        return float(2.0 * heights[places].max() + self.violation)
+        return float(2.0 * heights[places].max() + _KEPT * self.s[-1])
 
     @cached_property
     def _near_itself(self) -> tuple[float, float]:
@@ -1093,6 +1095,8 @@ def carried(shape: Shape, displacement: Floats) -> Shape:
     parts = shape.parts and tuple(carried(part, displacement) for part in shape.parts)
     return replace(shape, gripper=shifted(shape.gripper, displacement), parts=parts,
                    positions=shape.positions + displacement,
+                   self_contacts=tuple(replace(one, position=one.position + displacement)
+                                       for one in shape.self_contacts),
                    energy=shape.energy + float(displacement @ shape.gripper_wrench[:3]))
 
 

@@ -623,7 +623,8 @@ def clamping(name: str, simulator: object) -> DirectSimulator:
         raise InvalidTask(f'{name}.grip = \'pinned\': expected \'clamped\', which plans are made '
                           'for')
     if direct.surroundings.self_contact:
-        raise InvalidTask(f'{name}.self_contact = True: expected False, shapes alone know it')
+        raise InvalidTask(f'{name}.self_contact = True: expected False: plans and '
+                          'estimates do not take contact with itself into account')
     return direct
 
 

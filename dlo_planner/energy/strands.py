@@ -36,9 +36,9 @@ SOFT = 1e-3        # of the squared length of a chord: chords at a smaller angle
 ROWS = 5           # of a pair at most, see `put_rows`
 _DEEPEST = 0.9    # of the reach: strands that a step leaves nearer are not known of yet
 _DEEP = 0.96       # the same: strands that are nearer are pushed out before anything else
-_MANY = 64         # pairs in each other that are looked at
+_MANY = 256        # pairs in each other that are looked at: what has more is no shape yet
 _RIGHT = 0.5 * np.pi
-_NOTHING = 1e-12   # of the spring: weights below it change nothing
+_TINY = 1e-12      # of the reach: chords that are nearer have no normal, and no force
 
 
 class Strands(Record):
@@ -124,7 +124,7 @@ def add_forces(effect, system, state):
         own = 0.5 * (force ** 2 - effect.pair_force[p] ** 2) / effect.pair_spring
         energy += own
         size += abs(own) + force * distance
-        if force == 0.0:
+        if force == 0.0 or distance < _TINY * effect.pair_reach[p]:
             continue
         for k in range(3):
             w = ((1.0 - s) * positions[i, k] + s * positions[i + 1, k]
@@ -170,15 +170,15 @@ def forbids(effect, system, before, after):
     if effect is None:
         return False
     lengths, radii = system.lengths, effect.strand_radius
-    deep = -(1.0 - _DEEPEST) * 2.0 * np.min(radii)
     found = np.empty((_MANY, 2), dtype=np.int64)
-    count = near_pairs(lengths, after.strains, after.positions, radii, deep, found)
+    count = near_pairs(lengths, after.strains, after.positions, radii, 0.0, found)
     for p in range(min(count, _MANY)):
         i, j = found[p, 0], found[p, 1]
         _, _, distance = nearest_points(lengths, after.positions, i, j)
-        _, _, known = nearest_points(lengths, before.positions, i, j)
-        if distance < known:
-            return True
+        if distance < _DEEPEST * (radii[i] + radii[j]):
+            _, _, known = nearest_points(lengths, before.positions, i, j)
+            if distance < known:
+                return True
     return passes_itself(before.positions, after.positions)
 
 
@@ -236,7 +236,7 @@ def put_rows(effect, system, state, p, rows, weights):
     positions = state.positions
     s, t, distance = nearest_points(system.lengths, positions, i, j)
     force = bears(effect, p, distance)
-    if force == 0.0:
+    if force == 0.0 or distance < _TINY * effect.pair_reach[p]:
         return 0
     u, v, w = np.empty(3), np.empty(3), np.empty(3)
     uu = vv = uv = ww = 0.0
@@ -245,7 +245,9 @@ def put_rows(effect, system, state, p, rows, weights):
         w[k] = positions[i, k] + s * u[k] - positions[j, k] - t * v[k]
         uu, vv, uv, ww = uu + u[k] * u[k], vv + v[k] * v[k], uv + u[k] * v[k], ww + w[k] * w[k]
     tension, width = force / distance, np.sqrt(ww)
-    _put_everywhere(s, t, w, 1.0 / width, rows[0])
+    if width < _TINY * effect.pair_reach[p]:
+        return 0
+    _put_distance_row(s, t, w, 1.0 / width, rows[0])
     # of B^T B, too, what lies along w
     weights[0] = (effect.pair_spring + tension) * ww / distance ** 2 - tension
     count = 1
@@ -266,14 +268,14 @@ def put_rows(effect, system, state, p, rows, weights):
         a, b = (k + 1) % 3, (k + 2) % 3
         other[k] = (w[a] * across[b] - w[b] * across[a]) / width
     for direction in (across, other):
-        _put_everywhere(s, t, direction, 1.0, rows[count])
+        _put_distance_row(s, t, direction, 1.0, rows[count])
         weights[count] = -tension
         count += 1
     # the nearest points move along both chords
     begin = count
     if 0.0 < s < 1.0:
         scale = 1.0 / np.sqrt(uu + SOFT * system.lengths[i] ** 2)
-        _put_everywhere(s, t, u, scale, rows[count])
+        _put_distance_row(s, t, u, scale, rows[count])
         for k in range(3):
             rows[count, 0, k] -= scale * w[k]
             rows[count, 1, k] += scale * w[k]
@@ -285,7 +287,7 @@ def put_rows(effect, system, state, p, rows, weights):
         if count > begin:
             mixed = -uv / np.sqrt(uu + SOFT * system.lengths[i] ** 2)
         scale = 1.0 / np.sqrt(b - mixed * mixed)
-        _put_everywhere(s, t, v, -scale, rows[count])
+        _put_distance_row(s, t, v, -scale, rows[count])
         for k in range(3):
             rows[count, 2, k] += scale * w[k]
             rows[count, 3, k] -= scale * w[k]
@@ -299,7 +301,7 @@ def put_rows(effect, system, state, p, rows, weights):
 
 
 @kernel
-def _put_everywhere(s, t, direction, scale, row):
+def _put_distance_row(s, t, direction, scale, row):
     """Fill row (4, 3) with the derivative by the nodes of a direction (3,) times w."""
     for k in range(3):
         value = scale * direction[k]

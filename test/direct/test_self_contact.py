@@ -9,7 +9,7 @@ plectonemes are in the registry of validations (`benchmarks/strands.py`).
 import numpy as np
 import pytest
 
-from dlo_planner import DirectSimulator, FarEnd, InvalidTask, Plane, Pose, Rod
+from dlo_planner import DirectSimulator, FarEnd, InvalidTask, Plane, Pose, Rod, solve_many
 from dlo_planner.direct.shape import Shape
 from dlo_planner.geometry.writhe import link
 
@@ -117,6 +117,39 @@ def test_what_does_not_bend_back_is_as_without():
     one, other = simulator(self_contact=True), simulator()
     for pose in poses:
         np.testing.assert_array_equal(one.solve(pose).positions, other.solve(pose).positions)
+
+
+def coil(turns):
+    return Rod(length=LENGTH, mass_per_length=0.035, bending_stiffness=EI,
+               torsional_stiffness=0.8 * EI, radius=RADIUS,
+               natural_curvature=(2 * np.pi * turns / LENGTH, 0.0))
+
+
+def test_many_of_them_are_those_of_one_at_a_time():
+    rod = coil(2.5)
+    one = DirectSimulator(rod, basis='local', n_elements=48, self_contact=True)
+    shape = one.solve(GRIPPER)
+    assert shape.converged
+    assert shape.self_contacts
+    for found in (solve_many(one, GRIPPER, rods=[rod])[0], solve_many(one, [GRIPPER])[0]):
+        np.testing.assert_array_equal(found.positions, shape.positions)
+
+
+def test_what_has_no_side_to_go_to_is_no_answer_and_no_error():
+    flat = DirectSimulator(coil(2.0), basis='local', n_elements=48, gravity=(0, 0, 0),
+                           self_contact=True)
+    shape = flat.solve(GRIPPER)
+    assert not shape.converged
+    assert shape.lies_in_itself is True
+
+
+def test_places_move_along():
+    shape = DirectSimulator(coil(2.5), basis='local', n_elements=48, self_contact=True).solve(
+        GRIPPER)
+    moved = shape.moved((0, 0, 1))
+    assert shape.self_contacts
+    for one, other in zip(shape.self_contacts, moved.self_contacts, strict=True):
+        np.testing.assert_array_equal(other.position, one.position + [0, 0, 1])
 
 
 @pytest.mark.parametrize(('more', 'message'), [
