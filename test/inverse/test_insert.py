@@ -15,6 +15,7 @@ from dlo_planner import (
     DirectSimulator,
     FarEnd,
     Infeasible,
+    Insert,
     InvalidTask,
     InverseSimulator,
     Plan,
@@ -456,3 +457,8 @@ def test_what_is_in_the_way_of_an_oblique_insertion_refuses_it(oblique):
     with pytest.raises(Infeasible, match='lamp') as refused:
         InverseSimulator(direct.with_obstacles([ball])).insert(WIDE, depths=OBLIQUELY)
     assert refused.value.constraint == 'clearance'
+
+
+def test_what_is_held_inside_is_not_led_in_obliquely():
+    with pytest.raises(InvalidTask, match=r'max_misalignment = 0\.5: expected None or 0'):
+        Insert(CutOut(Pose.identity(), radius=0.1), hold_at=0.1, max_misalignment=0.5)

@@ -279,6 +279,10 @@ class Insert(Task):
         if self.max_misalignment is not None:
             put(self, max_misalignment=number('max_misalignment', self.max_misalignment, minimum=0,
                                               maximum=np.pi / 2, unit='rad'))
+            if self.max_misalignment and self.hold_at is not None:
+                raise InvalidTask(f'max_misalignment = {self.max_misalignment:g}: expected None or '
+                                  '0 with hold_at, a DLO that is held inside goes in along the '
+                                  'bore')
         super().__post_init__()
 
     @property
