@@ -410,6 +410,7 @@ def ready(state: State, now: float, wanted: Time | None = None,
     assert proof is not None  # every plan has one
     if not proof.safe:
         raise Refused(proof.cause, proof.reason)
+    _feeds(state.planned)
     _heard_lately(state, now)
     assert proof.report is not None and state.feedback is not None
     way, hands = proof.report.trajectory, state.hands
@@ -422,6 +423,16 @@ def ready(state: State, now: float, wanted: Time | None = None,
     for name, pose in hands.items():
         _at_start(state, name, _heard_of(state, name, now), pose)
     return way
+
+
+def _feeds(made: PlanResult) -> None:
+    """Refuse to command a hand twice, by its own name and as the gripper that feeds nothing."""
+    gripper = made.plan.shapes[0].gripper
+    for name, pose in made.hands.items():
+        if np.array_equal(pose.matrix, gripper.matrix):
+            raise Refused(Cause.FAR_END_HELD, f'nothing feeds the DLO of this plan, its gripper is '
+                          f'the hand {name}: expected each stage to be executed by '
+                          '~/gripper_trajectory_timed, and ~/next_stage when that is done')
 
 
 def pose_topic(name: str) -> str:

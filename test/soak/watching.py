@@ -20,6 +20,7 @@ OUTPUTS = {
     '~/gripper_trajectory_timed': (MultiDOFJointTrajectory, LATCHED),
     '~/joint_trajectory': (JointTrajectory, LATCHED),
     '~/joint_commands_ahead': (JointTrajectory, REQUEST), '~/markers': (MarkerArray, LATCHED),
+    '~/holds': (MarkerArray, LATCHED),
     '~/status': (DiagnosticStatus, LATCHED), '~/execution': (DiagnosticStatus, LATCHED),
     '~/gripper_command': (PoseStamped, REQUEST),
     **{f'~/{name}_wrench': (WrenchStamped, LATEST) for name in ('gripper', 'far_end')},
