@@ -220,6 +220,7 @@ def test_what_nothing_feeds_is_planned_and_proved_and_not_executed(inside, tell)
     assert inside.trigger('next_stage').success
     assert inside.status_of('next_stage')[0] == 0
     assert inside.status_of('proof', PATIENCE)[0] == 0
+    inside.trigger('reset')
 
 
 def test_a_proof_ends_with_a_message_of_its_own(inside, node, tell):
