@@ -9,7 +9,17 @@ plectonemes are in the registry of validations (`benchmarks/strands.py`).
 import numpy as np
 import pytest
 
-from dlo_planner import DirectSimulator, FarEnd, InvalidTask, Plane, Pose, Rod, solve_many
+from dlo_planner import (
+    DirectSimulator,
+    FarEnd,
+    InvalidTask,
+    Plane,
+    PointLoad,
+    Pose,
+    Rod,
+    solve_many,
+)
+from dlo_planner.direct.self_contact import may_have_met
 from dlo_planner.direct.shape import Shape
 from dlo_planner.geometry.writhe import link
 
@@ -117,6 +127,18 @@ def test_what_does_not_bend_back_is_as_without():
     one, other = simulator(self_contact=True), simulator()
     for pose in poses:
         np.testing.assert_array_equal(one.solve(pose).positions, other.solve(pose).positions)
+
+
+def test_what_loses_turns_may_have_met_itself():
+    # both are straight: nothing but the turns says that it made a loop on its way
+    pulled = DirectSimulator(ROD, basis='local', n_elements=24, gravity=(0, 0, 0),
+                             point_loads=[PointLoad((5.0, 0.0, 0.0))], self_contact=True)
+    ends = [FarEnd(far(turns, LENGTH).pose, 'sleeve') for turns in (0.0, 0.4, 0.8)]
+    first, *_, last = pulled.track([GRIPPER] * 3, far_ends=ends)
+    assert first.converged
+    assert last.converged
+    assert may_have_met(last, first)
+    assert not may_have_met(first, first)
 
 
 def coil(turns):
