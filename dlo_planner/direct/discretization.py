@@ -602,11 +602,7 @@ class Discretization(Value):
     @cached_property
     def radii(self) -> Floats:
         """(N,) how far its surface is from the axis at least in the elements, m."""
-        surface = Surface.of(self.rod)
-        if surface.rod is None:
-            return np.full(self.s.size - 1, surface.least)
-        radii: Floats = surface.radii(self.s).min(axis=1)
-        return radii
+        return Surface.of(self.rod).least_radii(self.s)
 
     @cached_property
     def may_hang(self) -> bool:

@@ -23,16 +23,19 @@ from dlo_planner.energy.strands import Strands, bears, near_pairs, nearest_point
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Floats, Ints
 
-_MORE = 5          # times the steps of a search: a DLO that falls winds itself up bit by bit
-_ROUGH = 1e-3      # residual
-_SLOWLY = 0.25     # of what springs bore before: where new forces leave more, springs become
-_STIFFER, _STIFFEST = 3.0, 100.0  # so many times as stiff (Nocedal and Wright, alg. 17.4), at most
-_STEPS = 10        # of Newton's method until pairs are looked for anew,
-_FREE = 100        # the same where none are near
+# Steps of Newton's method: until pairs are looked for anew, the same where none are near, and in
+# all, in steps of a search: a DLO that falls winds itself up bit by bit
+_STEPS, _FREE, _MORE = 10, 100, 5
+_ROUGH = 1e-3      # residual: with a larger one the forces are those of a shape that is none
+# Where new forces leave to the springs more than this part of what these bore before, springs
+# become so many times as stiff, at most so many times as stiff as at first (Nocedal and Wright,
+# alg. 17.4)
+_SLOWLY, _STIFFER, _STIFFEST = 0.25, 3.0, 100.0
 _CREEPS = 1e-3     # of the length: what moves by less in so many steps does not fall
 _STUCK = 1e-8      # of the length: what bears on itself and moves by less is stuck
-_SHALLOW = 0.9     # of the sum of both radii: strands that are nearer grow to their thickness,
-_GROWTH, _LEAST = 1.2, 0.02  # each time to so much, and so much of that sum more
+# Strands that are nearer than this part of the sum of both radii are thin at first, and grow:
+# each time to so many times their thickness, and by this part of their radius more
+_SHALLOW, _GROWTH, _LEAST = 0.9, 1.2, 0.02
 _WATCHED = 0.5     # of the larger radius: pairs as near as that beyond both radii are looked at
 _FALLEN = 1.5      # rad: what bends or twists by more in a step, in all, may have fallen
 _EXACT = 1e-7      # of the length: depths aimed at

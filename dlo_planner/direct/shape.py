@@ -991,23 +991,15 @@ def in_itself(shape: Shape, surface: Surface) -> float:
     """Return by how much, in m, a Shape with this Surface lies in itself; 0 where it does not."""
     if surface.radius == 0.0 or not may_head_back(shape.s, shape.element_strains):
         return 0.0
-    _, gap = self_distance(*kernel_arrays(shape), _radii(surface, shape.s), 0.0, 0.0)
+    _, gap = self_distance(*kernel_arrays(shape), surface.least_radii(shape.s), 0.0, 0.0)
     return -float(gap)
 
 
-def _radii(surface: Surface, s: Floats) -> Floats:
-    """Return (N,) how far a Surface is from the axis at least in the elements of `s`, m."""
-    if surface.rod is None:
-        return np.full(s.size - 1, surface.least)
-    radii: Floats = surface.radii(s).min(axis=1)
-    return radii
-
-
 def _radii_of(shape: Shape) -> Floats | None:
-    """Return the `_radii` of a Shape; None where it has none."""
+    """Return the `least_radii` of a Shape; None where it has none."""
     if shape.rod is None or shape.rod.radius is None:
         return None
-    return _radii(Surface.of(shape.rod), shape.s)
+    return Surface.of(shape.rod).least_radii(shape.s)
 
 
 _FAR_BEYOND = 10.0  # yield limits: a section that is strained as far bears what it can

@@ -121,6 +121,8 @@ def _refuse(around: Surroundings) -> None:
     if around.rod.yields:
         raise InvalidTask('holds: expected none that the DLO slides through where the rod yields: '
                           'its set stays on its mesh')
+    if around.self_contact:
+        raise InvalidTask('self_contact = True: expected False where the DLO slides through a ring')
     if around.has_moments or around.other_loads:
         raise InvalidTask('point_loads: expected forces alone where the DLO slides through a ring, '
                           f'got {shown(around.point_loads)}')

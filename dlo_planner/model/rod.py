@@ -399,6 +399,13 @@ class Surface(Value):
         """The largest distance of the outside from the axis, m."""
         return self.radius if self.half is None else float(np.hypot(*self.half))
 
+    def least_radii(self, s: Floats) -> Floats:
+        """Return (N,) how near the outside is to the axis in elements of a mesh s (N + 1,), m."""
+        if self.rod is None:
+            return np.full(s.size - 1, self.least)
+        radii: Floats = self.radii(s).min(axis=1)
+        return radii
+
     @property
     def least(self) -> float:
         """The smallest distance of the outside from the axis, m."""

@@ -123,7 +123,8 @@ class Surroundings(Value):
                             (self.has_moments, 'dead moments'),
                             (self.other_loads, 'point_loads that are no PointLoad')):
             if given:
-                raise InvalidTask(f'self_contact = True: expected False with {what}')
+                raise InvalidTask(f'self_contact = True: expected False with {what}, with '
+                                  'which contact of the DLO with itself is not computed')
 
     def of_rod(self, rod: Rod) -> Self:
         """Return the same about another Rod (as long or not).

@@ -12,6 +12,7 @@ import pytest
 from dlo_planner import (
     DirectSimulator,
     FarEnd,
+    Hold,
     InvalidTask,
     Plane,
     PointLoad,
@@ -192,3 +193,9 @@ def test_it_needs_a_radius():
     bare = Rod(length=1.0, mass_per_length=0.1, bending_stiffness=1.0, torsional_stiffness=1.0)
     with pytest.raises(InvalidTask, match=r'Rod\.radius = None'):
         DirectSimulator(bare, self_contact=True)
+
+
+def test_rings_are_refused():
+    ring = Hold(Pose.looking_along((0.2, 0, 0), (1, 0, 0)), 'ring', 0.25, slip=0.0)
+    with pytest.raises(InvalidTask, match='self_contact = True: expected False where the DLO sl'):
+        simulator(self_contact=True).solve(GRIPPER, holds=[ring], far_end=far(0.0))
