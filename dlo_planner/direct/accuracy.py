@@ -15,7 +15,7 @@ A permanent set is as exact as the mesh on which it was made, and stays there.
 """
 
 from math import ceil, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,7 +54,7 @@ from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.holds import places_of
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import Surroundings
-from dlo_planner.model.value import changed, freeze, same
+from dlo_planner.model.value import Constant, changed, freeze, same
 
 _FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
 _MANY = 512  # elements: a DLO whose error is not known with so many is given up
@@ -71,6 +71,7 @@ _ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is
 _AIM = 0.6         # the same, where the error is foreseen
 _CLEARLY, _RUBBED = 0.7, 0.35  # the same, of one step on a finer mesh; with friction
 _FINER = 1.2       # times as many elements at least
+_AGREE = 1.25      # times: two meshes that agree so well on the error of a shape have it right
 _FARTHEST = 20     # and at most: so far one shape tells what another mesh will do
 _FREE, _HELD, _TOUCHING = 4.0, 1.5, 2.5  # times `truncation_error`: less
 _POINTS = 6      # nodes of a polynomial through an integral
@@ -96,7 +97,7 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
         if first.obstructed and initial is None:
             mesh = _fine_enough_to_bend(mesh, fine)
         mesh = bent_mesh(mesh.with_nodes(inside) if inside else mesh, gripper, holds, fine)
-    begin, start, kicks = initial, None, 0
+    begin, start, kicks, expected = initial, None, 0, np.inf
     while True:
         shape = step(mesh, gripper, begin, how, start)
         if not shape.converged and not (begin is initial and start is None):
@@ -111,7 +112,7 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
                 finer = refined(mesh, fine, shape, accuracy)
             if finer is None:
                 return shape
-            mesh, start = finer.with_nodes(inside) if inside else finer, None
+            mesh, start, expected = finer.with_nodes(inside) if inside else finer, None, np.inf
             continue
         if kicks and how.most < np.inf and not shape.state.culled:  # a fall is made in parts
             return shape
@@ -120,6 +121,8 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
             if lasts and (fine == 'local' or initial is not None and mesh == initial.state.mesh):
                 return shape
             accuracy = (1.0 if lasts else _OF_FIRST_SET) * wanted
+        if expected < np.inf:
+            shape = _with_error_confirmed(shape, expected)
         # the first mesh is hardly ever fine enough: then nothing else is computed on it
         new = mesh is first and (initial is None or initial.state.mesh != mesh)
         better = None
@@ -131,12 +134,12 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
                 return shape
             better = foreseen(shape, accuracy) if fine == 'local' else None
         if better is not None:
-            mesh, start = better
+            mesh, start, expected = better
         else:
             finer = refined(mesh, fine, shape, accuracy)
             if finer is None:
                 return judged(shape, wanted)
-            mesh, start = finer.with_nodes(inside) if inside else finer, None
+            mesh, start, expected = finer.with_nodes(inside) if inside else finer, None, np.inf
         if not _way_counts(shape, initial):
             begin = shape  # a better start; else the step is made again
 
@@ -349,8 +352,15 @@ def mode_may_be_missed(shape: Shape) -> bool:
     return bool(shape.state.made_on.basis != 'local' and shape.stability < _STABLE)
 
 
-def foreseen(shape: Shape, accuracy: float,
-             least: float = 0.0) -> tuple[Discretization, Floats] | None:
+class Foreseen(NamedTuple):
+    """A mesh that is expected to be fine enough, and what is expected there."""
+
+    mesh: Discretization
+    strains: Floats  # (N, 3), 1/m
+    error: float     # m
+
+
+def foreseen(shape: Shape, accuracy: float, least: float = 0.0) -> Foreseen | None:
     """Return the mesh on which a Shape will be within an `accuracy` (m), and its strains there.
 
     None where its error does not come from arcs and loads alone, it is off by `least` accuracies or
@@ -361,10 +371,8 @@ def foreseen(shape: Shape, accuracy: float,
     if (not shape.state.culled or shape.holds or known.basis != 'local'
             or known.rod.varies or callable(around.load) or not 2 < elements < _MOST_ELEMENTS):
         return None
-    mass: Any = known.rod.mass_per_length  # nothing varies
-    load: Any = 0.0 if around.load is None else around.load
     own, off, shares, one, there = discretization_errors(
-        known.free, shape.gripper.rotation, shape.element_strains, -mass * around.gravity - load)
+        known.free, shape.gripper.rotation, shape.element_strains, _spread_load(known))
     if not least * accuracy < own <= _FORESEEN * shape.s[-1]:
         return None
     most = min(_FARTHEST * elements, _MOST_ELEMENTS)
@@ -377,7 +385,31 @@ def foreseen(shape: Shape, accuracy: float,
         breaks = breaks[(breaks > 0) & (breaks < known.s[-1])]
     s = nodes_at(known.s, shares, wanted, breaks)
     strains = resampled_means(known.s, shape.element_strains - off + there / wanted**2, s)
-    return Discretization(around, s, 'local', 0), strains
+    return Foreseen(Discretization(around, s, 'local', 0), strains, one / wanted**2)
+
+
+def _spread_load(mesh: Discretization) -> Floats:
+    """Return the derivative by the positions, (3,) N/m, of loads that are spread out evenly."""
+    mass: Any = mesh.rod.mass_per_length
+    load: Any = mesh.surroundings.load
+    spread: Floats = -mass * mesh.surroundings.gravity - (0.0 if load is None else load)
+    return spread
+
+
+def _with_error_confirmed(shape: Shape, expected: float) -> Shape:
+    """Return a Shape with its error to leading order, if that is the `expected` one, m.
+
+    Two meshes that differ and agree on it have it right; else halved elements will tell, which
+    takes twice as long as the shape.
+    """
+    mesh, state = shape.state.made_on, shape.state
+    if not state.culled:  # something acts after all
+        return shape
+    error = discretization_error(mesh.free, shape.gripper.rotation, shape.element_strains,
+                                 _spread_load(mesh))
+    if not expected / _AGREE <= error <= expected * _AGREE:
+        return shape
+    return changed(shape, state=changed(state, estimate=Constant(error)))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -407,20 +439,36 @@ def discretization_errors(system: Problem, base: Floats, strains: Floats,
         strains: (N, 3), read-only, of its equilibrium, 1/m
         spread: (3,) derivative by the positions of the loads that are spread out, N/m
     """
-    turned = with_gripper(system, base.copy(), np.zeros(3))
-    state, hessian = new_configuration(turned), new_hessian(turned)
-    unknowns_of(turned, strains.copy(), state.q)
+    turned, state, hessian, stable = _linearized(system, base, strains)
     off, there = np.zeros_like(state.q), np.zeros_like(state.q)
     shares = equidistribute(system.lengths, strains.copy())
-    evaluate(turned, state)
-    assemble(turned, state, hessian)
-    if factorize(turned, hessian, 0.0) > 0:
+    if not stable:
         return np.inf, off, shares, np.inf, there
     wanted = np.empty_like(system.lengths)
     for e in range(wanted.size):
         wanted[e] = system.lengths[e] / (shares[e + 1] - shares[e])
     own = _error(turned, state, hessian, spread, system.lengths, off)
     return own, off, shares, _error(turned, state, hessian, spread, wanted, there), there
+
+
+@kernel
+def discretization_error(system: Problem, base: Floats, strains: Floats, spread: Floats) -> float:
+    """Return the error of a DLO that hangs freely, m; arguments as of `discretization_errors`."""
+    turned, state, hessian, stable = _linearized(system, base, strains)
+    if not stable:
+        return np.inf
+    return _error(turned, state, hessian, spread, system.lengths, np.zeros_like(state.q))
+
+
+@kernel
+def _linearized(system: Problem, base: Floats, strains: Floats) -> Any:
+    """Return what is in a gripper, its Configuration, factorized Hessian, and whether stable."""
+    turned = with_gripper(system, base.copy(), np.zeros(3))
+    state, hessian = new_configuration(turned), new_hessian(turned)
+    unknowns_of(turned, strains.copy(), state.q)
+    evaluate(turned, state)
+    assemble(turned, state, hessian)
+    return turned, state, hessian, factorize(turned, hessian, 0.0) <= 0
 
 
 @kernel

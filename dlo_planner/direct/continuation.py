@@ -14,13 +14,13 @@ nothing of its way: after a fall all that is left of that is tried at once.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import ceil, dist, log2
+from math import ceil, log2
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from dlo_planner.direct.discretization import SAMPLES, stretched
-from dlo_planner.direct.self_passage import passed_between
+from dlo_planner.direct.self_passage import has_passed
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import (
     LYING,
@@ -32,12 +32,12 @@ from dlo_planner.direct.statics import (
 )
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
-from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed
+from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed, transposed_times
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.holds import Holds, alike, carried_on, counterpart, have_rings
 from dlo_planner.model.obstacles import Obstacle
-from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import changed, freeze
 
 Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, holds, `StepInputs.most`)
@@ -164,7 +164,7 @@ def _led(previous: Shape, shape: Shape) -> Shape:
     if (mesh is not None and known is not None and shape.elastic_energy <= mesh.bending_back
             and previous.elastic_energy <= known.bending_back):
         return shape  # neither bends by a right angle, as of nearly all that hangs freely
-    passed = passed_between(previous, shape, shape.jumped)
+    passed = has_passed(previous, shape, shape.jumped)
     return shape if passed is shape.passed_itself else changed(shape, passed_itself=passed)
 
 
@@ -259,9 +259,22 @@ def _way(previous: Shape, goal: Grips) -> Way:
                 frame, position = frame_inside(previous, hold.s)
             held += _missed(hold.held, frame, position, hold.pose.rotation, hold.pose.position,
                             length)
-    shift = dist(one.position.tolist(), other.position.tolist())  # quicker than of arrays
-    return Way(shift / length,
-               0.0 if previous.pinned else angle_between(one.rotation, other.rotation), held)
+    shift, turn = _motion(one.rotation, one.position, other.rotation, other.position)
+    return Way(shift / length, 0.0 if previous.pinned else turn, held)
+
+
+@kernel
+def _motion(rotation: Floats, position: Floats, there: Floats, goal: Floats) -> tuple[float, float]:
+    """Return how far a gripper goes, m, and turns, rad, as exact near 0 as near pi.
+
+    Shapes: rotation (3, 3) and position (3,) where it is, `there` and `goal` where it goes.
+    """
+    product = transposed_times(matrix(rotation), matrix(there))
+    x, y, z = goal[0] - position[0], goal[1] - position[1], goal[2] - position[2]
+    u, v, w = product[7] - product[5], product[2] - product[6], product[3] - product[1]
+    return (float(np.sqrt(x * x + y * y + z * z)),
+            float(np.arctan2(np.sqrt(u * u + v * v + w * w),
+                             product[0] + product[4] + product[8] - 1.0)))
 
 
 @kernel

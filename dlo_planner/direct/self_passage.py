@@ -30,6 +30,11 @@ def passed_between(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
     """
     if bends_little(previous) and bends_little(shape):
         return False
+    return has_passed(previous, shape, jumped)
+
+
+def has_passed(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
+    """Return what `passed_between` does, where one of two Shapes may bend back."""
     if jumped and _is_turned(previous) and _is_turned(shape):
         if _turned_by(previous, shape) > _KNOWN:
             return np.nan

@@ -846,7 +846,7 @@ def memory_after(mesh: Discretization, end: Solution, before: Memory, culled: bo
     plastic, lost = before.plastic, before.dissipated
     force, points, strands = before.node_force, before.points, before.strands
     if not culled:
-        if mesh.yields:
+        if end.plastic is not None:
             plastic, lost = end.plastic, lost + end.lost
         if mesh.obstructed:
             force, points = end.forces[0], ContactPoints(*end.forces[1:])
@@ -854,7 +854,8 @@ def memory_after(mesh: Discretization, end: Solution, before: Memory, culled: bo
             strands = read_only(np.array([[one.s, one.other_s, one.force] for one in touching])
                                 .reshape(-1, 3))
     after = Memory.__new__(Memory)  # nobody else has its arrays: it need not look at them
-    put(after, s=mesh.s, plastic=plastic, dissipated=lost, hold=end.hold, node_force=force,
+    hold = mesh.start.hold if end.hold is None else end.hold
+    put(after, s=mesh.s, plastic=plastic, dissipated=lost, hold=hold, node_force=force,
         points=points, positions=end.positions, tangents=end.frames[:, :, 0], of=mesh.surroundings,
         set_error=before.set_error, hinge=before.hinge, original_set=None, strands=strands)
     return after
@@ -869,11 +870,10 @@ def hanging_shape(mesh: Discretization, gripper: Pose, strains: Floats, frames: 
                   positions: Floats, wrench: Floats, elastic: float, energy: float,
                   residual: float, stability: float, iterations: int) -> Shape:
     """Return the Shape of a DLO that hangs freely, which another kernel has found."""
-    start = mesh.start
     return shape_from(mesh, gripper, Solution(
-        strains, frames, positions, wrench, NO_WRENCHES, start.hold, start.plastic, None, None,
-        elastic, energy, 0.0, 0.0, 0.0, bool(residual < CONVERGED), residual, stability, iterations,
-        0, 0.0, False), start, (), True)
+        strains, frames, positions, wrench, None, None, None, None, None, elastic, energy, 0.0, 0.0,
+        0.0, bool(residual < CONVERGED), residual, stability, iterations, 0, 0.0, False),
+        mesh.start, (), True)
 
 
 def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: Floats,

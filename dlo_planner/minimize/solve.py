@@ -64,9 +64,9 @@ class Solution(NamedTuple):
     frames: Floats
     positions: Floats  # (N + 1, 3), world, m
     wrench: Floats     # (6,) of the gripper on the DLO,
-    wrenches: Floats   # (A, 6) and of what else holds it
-    hold: Floats       # (K,) N
-    plastic: Floats
+    wrenches: Floats | None  # (A, 6) and of what else holds it; None, as what follows,
+    hold: Floats | None      # (K,) N, where nothing
+    plastic: Floats | None   # does that: an array that goes to Python takes it a microsecond
     forces: Any        # `forces_after`
     contacts: Any      # `contact_rows`
     elastic: float     # J, stored
@@ -167,7 +167,15 @@ def solve_step(system: Problem, watched: Any, base: Floats, origin: Floats, stra
         turned.effects.contact, turned, options, work, places, tangents, turned_from)
     end = outcome(loaded, state, turned.origin, residual, 0.0, True)
     acts = residual < np.inf and _acts(watched, turned, end[0], end[2], places)
-    return end + (residual, stability, iterations, kicks, violation, acts)
+    return _without_empty(turned.effects.hold, end) + (residual, stability, iterations, kicks, violation, acts)
+
+
+@kernel
+def _without_empty(hold: Any, end: Any) -> Any:
+    """Return an `outcome` without the arrays of what a DLO without holds and set has not."""
+    if hold is None:
+        return end[:4] + (None, None, None) + end[7:]
+    return end
 
 
 @kernel

@@ -433,7 +433,7 @@ class AlongRod(Value):
     mass_per_length: Along
     nodes: tuple[float, ...]
 
-    @property
+    @cached_property
     def varies(self) -> bool:
         """Whether any property varies along the DLO."""
         return any(callable(getattr(self, name)) for name in VARYING)
