@@ -98,7 +98,7 @@ def capstan(stiffness, friction, radius, turned):
         inside = tension * np.exp(friction * (turned - one - other))
         return inside - force * (np.cos(other) - friction * np.sin(other))
 
-    return brentq(missed, 1.0, 4.0)
+    return brentq(missed, 1.0, 30.0)
 
 
 def _outside(expected, before, after):
