@@ -20,8 +20,11 @@ from benchmarks.timing import Work
 from dlo_planner.direct import statics
 
 KEPT = Path(__file__).parent / 'counts.json'
-ALLOWED = 0.05  # of a count: another version of Python, another processor's rounding
-_FEW = 2        # the same, of small ones
+ALLOWED = 0.05  # of a count: another version of Python
+# of Newton steps: on the way down to an oblique edge one processor's rounding takes 985 of them,
+# another's 1,172, as contacts that rub come and go in another order
+ALLOWED_STEPS = 0.25
+_FEW = 2        # of small counts
 _PACKAGE = str(Path(dlo_planner.__file__).parent)
 
 
@@ -91,9 +94,10 @@ def is_counted(row: Row, words: str = '') -> bool:
 
 def differences(before: Counts, now: Counts) -> list[str]:
     """Return what has grown, in words."""
+    allowed = Counts(ALLOWED, ALLOWED, ALLOWED_STEPS, ALLOWED)
     return [f'{name}: {new} instead of {old}'
-            for name, old, new in zip(Counts._fields, before, now, strict=True)
-            if new > max(old * (1 + ALLOWED), old + _FEW)]
+            for name, old, new, more in zip(Counts._fields, before, now, allowed, strict=True)
+            if new > max(old * (1 + more), old + _FEW)]
 
 
 def load() -> dict[str, Counts]:
