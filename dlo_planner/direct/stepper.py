@@ -281,6 +281,8 @@ class Stepper:
         end = last if stopped else min(last + 1, PAST + places.size)
         if stopped and last == PAST:
             return None
+        if buffer.stopped[0]:  # the batches that follow need not end before they are full
+            self._room = max(self._room, 2 * int(np.diff(buffer.starts[1]).max()))
         free = now.free and (culled or self.discretization.hangs)
 
         passed = self._passed(buffer, last, end)

@@ -176,7 +176,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
         kicks = 0  # what falls through obstacles falls nowhere
     # (a DLO that is set down has no way along which it could have rubbed; what moves has more to
     # obey; between few points a series waves, and relaxation is as quick)
-    may_flow = not (on_a_way or past.shape[0] == 0 or has_inertia(system.effects.anchor))
+    may_flow = not (on_a_way or past.shape[0] == 0)
     while max_iterations > 0:
         many = _bearing(there.effects.contact.contacts) >= _MANY
         flows = (may_flow and not tried and (many or attempt >= _TRIES)
@@ -379,16 +379,17 @@ def _rests_well(there, q, given, previous, left, tolerance, exact, max_iteration
     length, hold = np.sum(there.lengths), there.effects.hold
     firm = with_bearing(there, q, given, length > 0.0)
     rests, state, residual, violation, steps = _polished(firm, q, tolerance, exact, _KEPT * length)
-    if not (rests and violation < _KEPT_WELL * length):
+    well = _KEPT if has_inertia(there.effects.anchor) else _KEPT_WELL  # it is gone soon
+    if not (rests and violation < well * length):
         flow[0], reaction = 0.0, reaction_of(hold, row_count(there.needs.border))
         there, q, moves, left, _ = settle(there, q, previous, _RESTS_WELL,
                                           min(_MOST_FINER, max_iterations), flow)
         finer = with_bearing(there, q, given, length > 0.0)
-        well, its, its_residual, inside, more = _polished(finer, q, tolerance, exact,
-                                                          _KEPT * length)
+        is_rest, its, its_residual, inside, more = _polished(finer, q, tolerance, exact,
+                                                             _KEPT * length)
         steps += moves + more
-        if well:
-            rests, state, residual, violation, firm = well, its, its_residual, inside, finer
+        if is_rest:
+            rests, state, residual, violation, firm = is_rest, its, its_residual, inside, finer
         else:
             set_reaction(hold, reaction)
     return rests, state, residual, violation, firm, there, q, left, steps

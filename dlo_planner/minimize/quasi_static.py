@@ -30,7 +30,6 @@ from dlo_planner.energy.gap import (
     taper,
 )
 from dlo_planner.energy.grip import move_multipliers
-from dlo_planner.energy.inertia import inertial_stiffness
 from dlo_planner.energy.potential import project
 from dlo_planner.energy.problem import (
     bending_energy,
@@ -302,8 +301,7 @@ def next_shift(shift, error, tried, floor):
 def loads_on(system):
     """Return the size of all forces on a DLO, N: of loads, inertia and its own rigidity."""
     length = np.sum(system.lengths)
-    return (np.sum(np.abs(system.effects.load.pull)) + bending_energy(system) / length
-            + inertial_stiffness(system.effects.anchor) * length)
+    return np.sum(np.abs(system.effects.load.pull)) + bending_energy(system) / length
 
 
 @kernel
