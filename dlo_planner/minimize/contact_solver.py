@@ -106,7 +106,7 @@ def constrained_newton(system: Problem, q: Floats, tolerance: float, max_iterati
     """
     if obstructed(system.contact):
         end = solve_contact(system, q, COARSER * tolerance, exact, max_iterations, check, previous,
-                            np.zeros((3, 3)))
+                            np.zeros((3, 3)), np.inf)
         return Minimum(*uninterrupted(end))
     return newton(system, q, tolerance, max_iterations, check,
                   exact if holds(system.hold) or hinged(system) else 0.0)
@@ -153,11 +153,13 @@ def _keep_forces(system: Problem, state: Configuration, more: float) -> None:
 
 
 @kernel
-def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, turned_from):
+def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, turned_from,
+                  farthest):
     """Descend from q (m, 3) among obstacles, arguments as of `constrained_newton`.
 
     Return the Configuration, residual, stability, Newton steps, how often a saddle was left, the
-    Problem with its contacts' forces, and the violation, m.
+    Problem with its contacts' forces, and the violation, m. What falls in its flow is followed by
+    `farthest`, rad, at most: then nothing is found, and that a saddle was left is said.
     """
     there, begin, hold, past = system, q, system.effects.hold, previous
     length = np.sum(system.lengths)
@@ -218,11 +220,14 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             reaction = reaction_of(hold, row_count(system.needs.border))
             rests, state, residual, stability, moves, falls, loaded, violation = _settled(
                 there, begin, past, turned_from, tolerance, exact, max_iterations - steps, check,
-                beside)
+                farthest, beside)
             steps, tried = steps + moves, True
             if rests:
                 return state, residual, stability, steps, kicks + falls, loaded, violation
             set_reaction(hold, reaction)
+            if stability == -np.inf:  # it falls
+                kicks += 1
+                break
         there, begin, moves = _pressed_out(
             there, begin, length * (_STUCK if attempt > 0 else _DEEP), tolerance, exact,
             max_iterations - steps)
@@ -303,11 +308,12 @@ def _polished(system, q, tolerance, exact, allowed):
 
 
 @kernel
-def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations, check, kicked):
+def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations, check, farthest,
+             kicked):
     """Return whether a DLO comes to rest by its flow, and what `solve_contact` does.
 
-    It begins at q (m, 3); `kicked` (m, 3) is work space. From where the flow rests the search for
-    what is near is exact. Where it finds nothing, as along many points that share their forces,
+    It begins at q (m, 3); `kicked` (m, 3) is work space. Stability is -inf of what falls that is
+    followed to `farthest` alone. From where the flow rests the search for what is near is exact. Where it finds nothing, as along many points that share their forces,
     the end of the flow itself is looked at as any other shape: residual, violation, cones, points
     that are deeper in an obstacle, stability.
     """
@@ -319,9 +325,10 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
     q = its if follows else q
     while True:
         there, q, moves, left, falls = settle(there, q, previous, _RESTS,
-                                              min(_MOST_FLOW, max_iterations), flow)
+                                              min(_MOST_FLOW, max_iterations), farthest, flow)
         steps += moves
         if not left < _CLOSE:
+            stability = -np.inf if left == np.inf else stability
             break
         rests, stands = False, True
         firm, state, residual, violation = _at_end(there, q, given)
@@ -354,6 +361,9 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
                 break
             goes_on += 1
             continue
+        if farthest < np.inf:
+            stability = -np.inf
+            break
         if kicks == _MOST_FALLS or not leave_saddle(firm, state, mode, kicked):
             break
         kicks += 1
@@ -382,7 +392,7 @@ def _rests_well(there, q, given, previous, left, tolerance, exact, max_iteration
     if not (rests and violation < _KEPT_WELL * length):
         flow[0], reaction = 0.0, reaction_of(hold, row_count(there.needs.border))
         there, q, moves, left, _ = settle(there, q, previous, _RESTS_WELL,
-                                          min(_MOST_FINER, max_iterations), flow)
+                                          min(_MOST_FINER, max_iterations), np.inf, flow)
         finer = with_bearing(there, q, given, length > 0.0)
         well, its, its_residual, inside, more = _polished(finer, q, tolerance, exact,
                                                           _KEPT * length)

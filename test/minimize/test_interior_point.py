@@ -164,7 +164,7 @@ def test_after_a_step_the_laws_hold(friction, shift=100.0):
         np.testing.assert_allclose(size[slides], friction * found[slides, 0], rtol=1e-3)
     # an exact step leaves the forces that they are
     again = np.zeros_like(found)
-    assert exact_step(system, state, hessian, laws, shift, 0.01, 1e6, again, answer,
+    assert exact_step(system, state, hessian, laws, shift, 0.01, 1e6, True, again, answer,
                       np.zeros(0)) == (1, shift)
     np.testing.assert_allclose(again[:, 0].sum(), found[:, 0].sum(), rtol=1e-2)
 
@@ -179,8 +179,8 @@ def test_an_exact_step_is_found_from_any_forces(friction):
         hessian, answer = new_hessian(system), new_answer(state.q.shape[0], table.gap.size)
         found, moved = np.zeros((table.gap.size, 3)), np.zeros((table.gap.size, 3))
         laws = step_laws(system, state, table, shear, 1.0, 0)
-        came.append(exact_step(system, state, hessian, laws, 100.0, 0.01, 1e6, found, answer,
-                               np.zeros(0))[0])
+        came.append(exact_step(system, state, hessian, laws, 100.0, 0.01, 1e6, True, found,
+                               answer, np.zeros(0))[0])
         if came[-1] < 1:
             continue
         put_motions(system, hessian, laws.rows, answer.step, moved)
@@ -356,8 +356,8 @@ def test_what_goes_along_in_balance_is_not_at_rest():
     *_, q, system = moved_from(shape, goal)
     past = shape.state.history
     before = np.hstack([past.positions - goal.position, past.tangents])
-    assert settle(system, q, before, 1e-5, 0, np.zeros(2))[3] < 1e-5
-    _, _, steps, residual, _ = settle(system, q, before, 1e-5, 250, np.zeros(2))
+    assert settle(system, q, before, 1e-5, 0, np.inf, np.zeros(2))[3] < 1e-5
+    _, _, steps, residual, _ = settle(system, q, before, 1e-5, 250, np.inf, np.zeros(2))
     assert steps > 0 and residual < 1e-5
 
 
