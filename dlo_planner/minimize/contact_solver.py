@@ -313,9 +313,10 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
     """Return whether a DLO comes to rest by its flow, and what `solve_contact` does.
 
     It begins at q (m, 3); `kicked` (m, 3) is work space. Stability is -inf of what falls that is
-    followed to `farthest` alone. From where the flow rests the search for what is near is exact. Where it finds nothing, as along many points that share their forces,
-    the end of the flow itself is looked at as any other shape: residual, violation, cones, points
-    that are deeper in an obstacle, stability.
+    followed to `farthest` alone. From where the flow rests the search for what is near is exact.
+    Where it finds nothing, as along many points that share their forces, the end of the flow itself
+    is looked at as any other shape: residual, violation, cones, points that are deeper in an
+    obstacle, stability.
     """
     given, there, flow = system.effects.contact.contacts, system, np.zeros(2)
     steps = kicks = goes_on = 0
