@@ -101,14 +101,15 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
         failed = not (half.converged or half.state.kicks)
     elif last or not _is_long(way, bool(previous.contacts), at_once):
         in_contact = bool(previous.contacts) and not goal.holds
-        if in_contact and not last:
+        if previous.contacts and not last:
             most = _most_in_contact(way)
         elif not (last or at_once or previous.contacts or goal.holds):
             most = _DISCONTINUITY + _FOLLOWING * way.turn
         if tried is None or last and tried.state.kicks:
             tried = solve(goal.gripper, previous, goal.holds, most)
         shape = tried
-        if not shape.converged and (shape.jumped or goal.holds and halvings is None):
+        if not (shape.converged or shape.state.kicks) and (
+                shape.jumped or goal.holds and halvings is None):
             return shape  # it went in parts already: the way is blocked, or out of reach
         good, touches = sound(previous, shape, way), bool(previous.contacts or shape.contacts)
         if good and (last or not _changes(previous, shape)):
@@ -126,7 +127,8 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
                 shape = _led(previous, shape if good else end)
                 if way.size <= _OFF or shape.passed_itself is False:
                     return shape
-        failed = not shape.converged and (most == np.inf or in_contact and not shape.state.kicks)
+        failed = not shape.converged and (
+            most == np.inf or bool(previous.contacts) and not shape.state.kicks)
     whole = halvings is None
     if halvings is None:
         shortest = (_SHORTEST_LYING if len(previous.contacts) >= LYING and not goal.holds
@@ -203,8 +205,8 @@ def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
     """
     there = _partway(previous, goal)
     in_contact = bool(previous.contacts) and not goal.holds
-    most, follows = ((_most_in_contact(_way(previous, there)), _keeps_energy) if in_contact else
-                     (np.inf, sound))
+    most = _most_in_contact(_way(previous, there)) if previous.contacts else np.inf
+    follows = _keeps_energy if in_contact else sound
     first = solve(there.gripper, previous, there.holds, most)
     if not follows(previous, first, _way(previous, there)):
         return False, first, first
