@@ -5,9 +5,9 @@
 Shape and contact forces are sought at once (`minimize.semismooth`), near where the DLO is. Where
 that finds nothing, a DLO at rest that lies on something with several points follows its flow, in
 which all contact forces of a step are found at once (`minimize.quasi_static`). Where this finds
-nothing, no other method does. Where few points bear, or nothing has been touched yet, the DLO is
-brought nearer to rest first (`minimize.relaxation`), in a few stages; two of these come before the
-flow.
+nothing on a local basis, no other method does. Where few points bear, or nothing has been touched
+yet, the DLO is brought nearer to rest first (`minimize.relaxation`), in a few stages; two of these
+come before the flow.
 What is found is judged as any other minimum: the points that bear are those that `active_set`
 chooses, and the shape stands; else it leaves its saddle, and all begins anew. What is judged is the
 residual with the limits of friction: it has no potential.
@@ -230,7 +230,8 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
                 return state, residual, stability, steps, kicks + falls, loaded, violation
             set_reaction(hold, reaction)
             kicks += stability == -np.inf  # it falls
-            if many or stability == -np.inf:  # (what relaxes many points finds no more than this)
+            # (what relaxes many points finds no more than this, but for a series)
+            if many and system.basis.shape[1] == 0 or stability == -np.inf:
                 break
         there, begin, moves = _pressed_out(
             there, begin, length * (_STUCK if attempt > 0 else _DEEP), tolerance, exact,
