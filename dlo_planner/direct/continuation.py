@@ -7,8 +7,9 @@ no energy lost that neither work nor friction accounts for, no unstable shape on
 Where a contact comes, goes, turns over an edge, or begins to slide, two half steps have to lead to
 the same shape as well; where one goes, the step is short. Any other step is made in halves, and so
 is any of a DLO that lies on something: two halves that change it about as much are its step. What
-is still in doubt in the shortest parts is a fall: it is made, and said. What hangs freely remembers
-nothing of its way: after a fall all that is left of that is tried at once.
+is still in doubt in the shortest parts is a fall: it is made, and said. Until then what falls along
+obstacles is followed only so far that this is known: each fall is made once. What hangs freely
+remembers nothing of its way: after a fall all that is left of that is tried at once.
 """
 
 from __future__ import annotations
@@ -62,7 +63,9 @@ _EVENLY = 0.75          # of a step's change: more in half of it is a discontinu
 _SAME = 0.01            # rad: two shapes that differ by less are one
 _SLIDES = 1 - 1e-6      # of friction's limit
 _TURNED = np.cos(0.5)   # rad: a normal that turns more is another contact, as beyond an edge
-_ANY_TURN = 1e3         # rad: the limit of a step in contact, which is looked at first
+# rad of shape, per rad and length of the gripper: what lies turns by 8 to 15 as it goes along; with
+# more it falls, and is followed no farther before it is known from where
+_STEEPEST = 30.0
 
 
 def follow(solve: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
@@ -95,17 +98,18 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
             if shape.passed_itself is False:
                 return shape
             shape = None
-        failed = not half.converged
+        failed = not (half.converged or half.state.kicks)
     elif last or not _is_long(way, bool(previous.contacts), at_once):
         in_contact = bool(previous.contacts) and not goal.holds
-        if in_contact and not last:
-            most = _ANY_TURN
+        if previous.contacts and not last:
+            most = _most_in_contact(way)
         elif not (last or at_once or previous.contacts or goal.holds):
             most = _DISCONTINUITY + _FOLLOWING * way.turn
         if tried is None or last and tried.state.kicks:
             tried = solve(goal.gripper, previous, goal.holds, most)
         shape = tried
-        if not shape.converged and (shape.jumped or goal.holds and halvings is None):
+        if not (shape.converged or shape.state.kicks) and (
+                shape.jumped or goal.holds and halvings is None):
             return shape  # it went in parts already: the way is blocked, or out of reach
         good, touches = sound(previous, shape, way), bool(previous.contacts or shape.contacts)
         if good and (last or not _changes(previous, shape)):
@@ -123,7 +127,8 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
                 shape = _led(previous, shape if good else end)
                 if way.size <= _OFF or shape.passed_itself is False:
                     return shape
-        failed = not shape.converged and most in (np.inf, _ANY_TURN)
+        failed = not shape.converged and (
+            most == np.inf or bool(previous.contacts) and not shape.state.kicks)
     whole = halvings is None
     if halvings is None:
         shortest = (_SHORTEST_LYING if len(previous.contacts) >= LYING and not goal.holds
@@ -135,17 +140,16 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
     if not middle.converged:
         if shape is None and not (whole and lying):
             return _jumped(middle)
-        return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
+        return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most, whole)))
     while True:
         if (not whole and middle.jumped and left >= _AFTER and middle.state.culled
                 and not goal.holds):
             return middle  # what is left of the way is for the step that all of it began with
         rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
-        if not rest.converged and whole and lying:
-            return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
-        if not rest.converged and shape is not None and shape.converged:
-            # the whole step has an end, which its parts do not reach
-            return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most)))
+        if not rest.converged and (whole and lying if shape is None else
+                                   whole or shape.converged):
+            # the whole step may have an end, which its parts do not reach
+            return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most, whole)))
         short = rest.jumped and rest.state.culled and rest.gripper is not goal.gripper
         jumped, passed = rest.jumped or middle.jumped, _either(middle, rest)
         if (not short and shape is not None and shape.converged and shape.state.culled
@@ -182,10 +186,11 @@ def _evenly(solve: Equilibrium, previous: Shape, goal: Grips) -> tuple[bool, Sha
     contacts come and go in most of them: the whole step in addition would say no more.
     """
     there = _partway(previous, goal)
-    first = solve(there.gripper, previous, there.holds, _ANY_TURN)
+    most = _most_in_contact(_way(previous, there))
+    first = solve(there.gripper, previous, there.holds, most)
     if not _keeps_energy(previous, first):
         return False, first, first
-    end = solve(goal.gripper, first, goal.holds, _ANY_TURN)
+    end = solve(goal.gripper, first, goal.holds, most)
     if not _keeps_energy(first, end):
         return False, first, first
     change = max(shape_change(previous, first), shape_change(first, end))
@@ -200,7 +205,8 @@ def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
     """
     there = _partway(previous, goal)
     in_contact = bool(previous.contacts) and not goal.holds
-    most, follows = (_ANY_TURN, _keeps_energy) if in_contact else (np.inf, sound)
+    most = _most_in_contact(_way(previous, there)) if previous.contacts else np.inf
+    follows = _keeps_energy if in_contact else sound
     first = solve(there.gripper, previous, there.holds, most)
     if not follows(previous, first, _way(previous, there)):
         return False, first, first
@@ -214,13 +220,14 @@ def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
 
 
 def _to_its_end(solve: Equilibrium, previous: Shape, goal: Grips, shape: Shape | None,
-                most: float) -> Shape:
+                most: float, whole: bool) -> Shape:
     """Return where a step leads that was given up, or is a fall; else its Shape as it is.
 
     `most`: with which it was found, see `StepInputs`; it may not have been looked for yet (None).
+    What is not found so in a part of a step is not looked for any farther: that is for the `whole`.
     """
     if shape is not None and (most == np.inf or (
-            not shape.state.kicks if shape.converged else most == _ANY_TURN)):
+            not shape.state.kicks if shape.converged else not whole)):
         return shape
     return solve(goal.gripper, previous, goal.holds, np.inf)
 
@@ -294,6 +301,11 @@ def _missed(rows: Floats, frame: Floats, position: Floats, rotation: Floats, pla
         turned += by_turn * by_turn
         shifted += by_shift * by_shift
     return float(np.sqrt(turned) + np.sqrt(shifted) / length)
+
+
+def _most_in_contact(way: Way) -> float:
+    """Return by how much, in rad, what touches may turn in a step before it is known to fall."""
+    return _DISCONTINUITY_ON + _STEEPEST * way.size
 
 
 def _is_long(way: Way, touches: bool, at_once: bool) -> bool:

@@ -214,7 +214,7 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: S
     else:
         strains = read_only(mesh.strains_from(initial.s, initial.element_strains))
     watch = _watched(mesh, initial, how.most) if culled else None if initial is None else (
-        UNWATCHED._replace(rotation=initial.gripper.rotation))
+        UNWATCHED._replace(rotation=initial.gripper.rotation, most=how.most))
     if culled and not holds:
         return equilibrium(mesh, gripper, strains, past, culled=True, watch=watch)
     if how.strains == 'paper':

@@ -270,15 +270,20 @@ class StepLaws(Record):
 
 @kernel
 def step_laws(system, state, table, shear, closed, held):
-    """Return the StepLaws at a state; shear (A, 3): friction forces; held: K."""
+    """Return the StepLaws at a state; shear (A, 3): friction forces; held: K.
+
+    `closed`: the part of what is deep in an obstacle, or out of its grip, that the step mends.
+    """
     contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
     count, length = table.gap.size, np.sum(system.lengths)
-    rows, attached = contact_rows(system, state, table), state.attached
+    rows, attached, gap = contact_rows(system, state, table), state.attached, table.gap.copy()
     energy = np.sum(np.abs(system.effects.load.pull)) * length + bending_energy(system)
     first, slid, rubbing = np.zeros((count, 3)), np.zeros((count, 2)), np.zeros(count)
     for a in range(count):
         c = table.rubbing[a]
         first[a, 0] = table.force[a]
+        if gap[a] < 0.0:
+            gap[a] *= closed
         if c >= 0:
             rubbing[a] = friction[table.obstacle[a]]
             for r in range(2):
@@ -292,7 +297,7 @@ def step_laws(system, state, table, shear, closed, held):
     constraint_value(system.effects.hold, state, miss)
     for k in range(held):
         miss[k] *= closed
-    return StepLaws(rows, rubbing, np.any(table.rubbing >= 0), table.gap, slid, first,
+    return StepLaws(rows, rubbing, np.any(table.rubbing >= 0), gap, slid, first,
                     _GIVE * length * length / energy, energy / length,
                     _FIRST * energy / system.lengths.size, attached.node_matrix.copy(),
                     attached.matrix.copy(), miss)
@@ -544,7 +549,9 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
             x[a, 0], z[a, 0] = mu * push, w / mu + slip[a]
         else:
             x[a, 0], z[a, 0] = push, w
-    couples = False
+    # (|v| that follows may go to and fro without end; from then on it stays as it is, and what is
+    # left is convex: gaps are wrong by mu times its change, and the next step begins from there)
+    couples, follows = False, _SHARPLY_ENOUGH if sharp else _ENOUGH
     more, done, falls, lost, bad, part, stood = 0.0, False, False, 0, 0, 1.0, False
     for iteration in range(_MOST):
         mean = wrong = 0.0
@@ -558,8 +565,9 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
                 springs.spring[a, 0, 0] = soft[a, 0, 0]
                 wrong = max(wrong, abs(left[a, 0]))
                 continue
-            slip[a] = np.sqrt((laws.slid[a, 0] + moved[a, 1]) ** 2
-                              + (laws.slid[a, 1] + moved[a, 2]) ** 2)
+            if iteration <= follows:
+                slip[a] = np.sqrt((laws.slid[a, 0] + moved[a, 1]) ** 2
+                                  + (laws.slid[a, 1] + moved[a, 2]) ** 2)
             for q in (1, 2):
                 springs.sense[a, q] = ((laws.slid[a, q - 1] + moved[a, q]) / slip[a]
                                        if slip[a] > 0.0 else 0.0)
@@ -611,7 +619,7 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
             falls = True
             break
         bad = int(unstable)
-        couples = laws.rubs and iteration > _FROM and not (couples and part < _JAMS)
+        couples = laws.rubs and _FROM < iteration <= follows and not (couples and part < _JAMS)
         target, part = 0.0, 1.0
         for stage in range(2):
             for a in range(count):
@@ -710,11 +718,13 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
 
 
 @kernel(error_model='numpy')
-def exact_step(system, state, hessian, laws, shift, floor, most, force, answer, reaction):
+def exact_step(system, state, hessian, laws, shift, floor, most, sharp, force, answer, reaction):
     """Do what `interior_step` does, beginning with what bears, sticks and slides by now.
 
     A semismooth Newton method: it ends where all contacts do in the end what they were taken to do.
-    What slides rubs with its limit exactly then.
+    What slides rubs with its limit exactly then. Where the DLO does not stand with what bears and
+    sticks in the middle of the search, the shift grows there, and the search goes on with it; not
+    if it is to be `sharp`, near rest: there what seems to fall is left to `interior_step`.
     """
     count, rows, firm = laws.gap.size, laws.rows, 1.0 / laws.give
     springs, none = new_springs(count), np.zeros_like(answer.step)
@@ -769,9 +779,10 @@ def exact_step(system, state, hessian, laws, shift, floor, most, force, answer, 
                                                 * moved[a, 1 + q])
         _put_springs(state.attached, rows, laws.given_nodes, laws.given_points, springs.spring)
         assemble(system, state, hessian)
-        bad = factorize(system, hessian, shift)
-        if bad > 0 and trial == 0:
-            bad, shift = _standing(system, hessian, shift, floor, most)
+        # (with another shift forces before are in balance no more: then all of the step is made)
+        bad, again = factorize(system, hessian, shift), trial == 0
+        if bad > 0 and (trial == 0 or not sharp):
+            (bad, shift), again = _standing(system, hessian, shift, floor, most), bad > 0
         if bad > 0:
             found = -1
             break
@@ -783,7 +794,7 @@ def exact_step(system, state, hessian, laws, shift, floor, most, force, answer, 
                 for j in range(3):
                     there[a, i] -= springs.spring[a, i, j] * answer.moved[a, j]
                 way[a, i] = answer.moved[a, i] - moved[a, i]
-        part = _part_of(laws, moved, way, balance, there) if trial > 0 else 1.0
+        part = 1.0 if again else _part_of(laws, moved, way, balance, there)
         same, change = part == 1.0, 0.0
         for a in range(count):
             for i in range(3):

@@ -103,13 +103,14 @@ _BESIDE = 0.01    # of an element: a point in it is not nearer to a node
 
 
 @kernel
-def settle(system, q, previous, rough, most, flow):
+def settle(system, q, previous, rough, most, farthest, flow):
     """Return Problem with its contact forces, unknowns, steps, residual, where the flow rests.
 
     At rest the residual is below `rough`, and no contact is deeper than `_DEPTH` times that, of the
-    length; the flow also ends after `most` steps. `flow` (2,) is the shift, here and where it ends,
-    and its least while the DLO leaves a saddle: with a smaller one the flow would lead back. The
-    last value returned is whether the DLO does not stand there with a smaller one.
+    length. The flow also ends after `most` steps, and, with an infinite residual, where all of them
+    have turned nodes by more than `farthest`, rad. `flow` (2,) is the shift, here and where it
+    ends, and its least while the DLO leaves a saddle: with a smaller one the flow would lead back.
+    The last value returned is whether the DLO does not stand there with a smaller one.
     """
     hold, length = system.effects.hold, np.sum(system.lengths)
     # (springs of what is held would push against what a step turns to second order)
@@ -126,9 +127,9 @@ def settle(system, q, previous, rough, most, flow):
     loaded = with_candidates(system, state, previous, near, whole, 1.0)
     state, residual, table, _ = kkt_residual(loaded, state.q)
     shift, steps, stands, easy, falls, made = flow[0], 0, False, True, False, False
-    floor, largest, worked = _FLOOR * least, _MOST_SHIFT * least, np.zeros(1)
+    floor, largest, worked, gone = _FLOOR * least, _MOST_SHIFT * least, np.zeros(1), 0.0
     away = _AWAY if flow[1] == 0.0 else 0.0
-    while steps < most and shift < largest:
+    while steps < most and shift < largest and gone <= farthest:
         if away < _AWAY and steps < _LEAVING:
             shift = max(shift, flow[1])
         known = (stands or falls or shift < _SLIGHTLY * least) and not (
@@ -145,8 +146,8 @@ def settle(system, q, previous, rough, most, flow):
         _, shear = forces(table, state)
         laws = step_laws(loaded, state, table, shear, 1.0 / (1.0 + shift), reaction.size)
         answer, force = new_answer(q.shape[0], table.gap.size), np.zeros((table.gap.size, 3))
-        found, shift = exact_step(loaded, state, hessian, laws, shift, floor, largest, force,
-                                  answer, reaction)
+        found, shift = exact_step(loaded, state, hessian, laws, shift, floor, largest, easy,
+                                  force, answer, reaction)
         if found < 1:
             found, shift = interior_step(loaded, state, hessian, laws, shift, floor, largest, easy,
                                          force, answer, reaction)
@@ -193,12 +194,13 @@ def settle(system, q, previous, rough, most, flow):
         made = error < _BAD
         if made:
             stands, easy = shift == 0.0 and part == 1.0, turn < _EASY and later < _QUIET
-            away += part * turn
+            away, gone = away + part * turn, gone + part * turn
             loaded, state, residual, table = after, there, later, its_table
         falls = found < 1 or shift > tried
         shift = next_shift(shift, error, tried, floor)
     flow[0], flow[1] = shift if shift < largest else 0.0, 0.0
-    return _with_hold(loaded, held), state.q, steps, residual, falls
+    return (_with_hold(loaded, held), state.q, steps, residual if gone <= farthest else np.inf,
+            falls)
 
 
 @kernel
@@ -250,8 +252,8 @@ def carried(system, q, previous, base):
     add_to(state.gradient, 1.0, load)
     add_twist(laws.rows, twist, laws.gap, laws.slid)
     answer, force = new_answer(q.shape[0], table.gap.size), np.zeros((table.gap.size, 3))
-    found, _ = exact_step(loaded, state, hessian, laws, 0.0, _SLIGHTLY, _SLIGHTLY, force, answer,
-                          reaction)
+    found, _ = exact_step(loaded, state, hessian, laws, 0.0, _SLIGHTLY, _SLIGHTLY, True, force,
+                          answer, reaction)
     if found < 1:
         found, _ = interior_step(loaded, state, hessian, laws, 0.0, _SLIGHTLY, _SLIGHTLY, found < 1,
                                  force, answer, reaction)

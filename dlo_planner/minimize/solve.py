@@ -255,7 +255,7 @@ def _minimum(contact, system, options, work, places, tangents, turned_from):
         return end[:5] + (among_all(system, end[5], bodies), end[6])
     # read-only arrays are another type: all that has to do with contacts would be compiled again
     return _minimum_among(bodies, system, work.start, options.gtol, options.ctol, options.maxiter,
-                          options.check, before, turned_from.copy())
+                          options.check, before, turned_from.copy(), options.max_rotation)
 
 
 @kernel
@@ -271,15 +271,16 @@ def obstructed_minimum(system, q, tolerance, exact, steps, check, places, tangen
     """Return what `solve_contact` does of a DLO whose nodes were at `places`, world, before."""
     before = _seen_from(system.origin, places, tangents)
     return _minimum_among(bodies_in_reach(system, before), system, q, tolerance, exact, steps,
-                          check, before, np.zeros((3, 3)))
+                          check, before, np.zeros((3, 3)), np.inf)
 
 
 @kernel
-def _minimum_among(bodies, system, q, tolerance, exact, steps, check, before, turned_from):
+def _minimum_among(bodies, system, q, tolerance, exact, steps, check, before, turned_from,
+                   farthest):
     """Return what `solve_contact` does, of a DLO that may meet some bodies (m,) alone."""
     some = 0 < bodies.size < system.effects.contact.scene.kind.size
     end = solve_contact(with_bodies(system, bodies) if some else system, q, COARSER * tolerance,
-                        exact, steps, check, before, turned_from)
+                        exact, steps, check, before, turned_from, farthest)
     return end[:5] + (among_all(system, end[5], bodies) if some else end[5], end[6])
 
 

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, DirectSimulator, Plane, Pose, Rod
 from dlo_planner.direct.continuation import shape_change
+from dlo_planner.direct.statics import StepInputs, step
 from dlo_planner.minimize.contact_solver import _judged, _lowest, _stiffened
 from dlo_planner.minimize.contact_table import kkt_residual, with_contacts, with_contacts_of
 from dlo_planner.minimize.hessian import assemble, new_hessian
@@ -164,7 +165,7 @@ def test_after_a_step_the_laws_hold(friction, shift=100.0):
         np.testing.assert_allclose(size[slides], friction * found[slides, 0], rtol=1e-3)
     # an exact step leaves the forces that they are
     again = np.zeros_like(found)
-    assert exact_step(system, state, hessian, laws, shift, 0.01, 1e6, again, answer,
+    assert exact_step(system, state, hessian, laws, shift, 0.01, 1e6, True, again, answer,
                       np.zeros(0)) == (1, shift)
     np.testing.assert_allclose(again[:, 0].sum(), found[:, 0].sum(), rtol=1e-2)
 
@@ -179,8 +180,8 @@ def test_an_exact_step_is_found_from_any_forces(friction):
         hessian, answer = new_hessian(system), new_answer(state.q.shape[0], table.gap.size)
         found, moved = np.zeros((table.gap.size, 3)), np.zeros((table.gap.size, 3))
         laws = step_laws(system, state, table, shear, 1.0, 0)
-        came.append(exact_step(system, state, hessian, laws, 100.0, 0.01, 1e6, found, answer,
-                               np.zeros(0))[0])
+        came.append(exact_step(system, state, hessian, laws, 100.0, 0.01, 1e6, True, found,
+                               answer, np.zeros(0))[0])
         if came[-1] < 1:
             continue
         put_motions(system, hessian, laws.rows, answer.step, moved)
@@ -356,9 +357,38 @@ def test_what_goes_along_in_balance_is_not_at_rest():
     *_, q, system = moved_from(shape, goal)
     past = shape.state.history
     before = np.hstack([past.positions - goal.position, past.tangents])
-    assert settle(system, q, before, 1e-5, 0, np.zeros(2))[3] < 1e-5
-    _, _, steps, residual, _ = settle(system, q, before, 1e-5, 250, np.zeros(2))
+    assert settle(system, q, before, 1e-5, 0, np.inf, np.zeros(2))[3] < 1e-5
+    _, _, steps, residual, _ = settle(system, q, before, 1e-5, 250, np.inf, np.zeros(2))
     assert steps > 0 and residual < 1e-5
+
+
+def test_what_falls_is_followed_as_far_as_is_asked():
+    """It counts by how much nodes turn; what has turned by more is not found, and has left."""
+    shape = laid(0.5, np.linspace(0.6, 0.5, 6))[-1]
+    goal = Pose(np.add(shape.gripper.position, [0.01, 0.02, 0.0]), shape.gripper.quaternion)
+    *_, q, system = moved_from(shape, goal)
+    past = shape.state.history
+    before = np.hstack([past.positions - goal.position, past.tangents])
+    _, _, all_steps, residual, _ = settle(system, q, before, 1e-5, 250, 1.0, np.zeros(2))
+    assert residual < 1e-5
+    _, _, steps, residual, _ = settle(system, q, before, 1e-5, 250, 1e-4, np.zeros(2))
+    assert residual == np.inf and 0 < steps < all_steps
+    mesh = shape.state.mesh
+    near, far = (step(mesh, goal, shape, StepInputs(most=most)) for most in (1e-6, np.inf))
+    assert not near.converged and near.state.kicks > 0
+    assert far.converged and far.state.kicks == 0
+    shift = np.linalg.norm(far.positions - shape.positions, axis=1).max()
+    assert shift < 0.1  # as its gripper, or a little more
+
+
+def test_what_is_deep_comes_out_by_the_part_that_is_asked():
+    """As grips come to their places: at once it would take forces beyond all bounds."""
+    system, state, table = near_a_table(0.5)
+    _, shear = forces(table, state)
+    deep = table.gap < 0.0
+    assert deep.any() and not deep.all()
+    laws = step_laws(system, state, table, shear, 0.25, 0)
+    np.testing.assert_array_equal(laws.gap, np.where(deep, 0.25 * table.gap, table.gap))
 
 
 def test_points_that_roll_to_one_place_are_one():
