@@ -33,7 +33,7 @@ from dlo_planner.inverse.stages import Stages, again, held_at_first, upwards
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import SHARPEST, led, limit
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, instance, items, number, vector
+from dlo_planner.model.checks import choice, instance, items, number, row, vector
 from dlo_planner.model.holds import RINGS, FarEnd, Hold, holds_of
 from dlo_planner.model.obstacles import Box
 from dlo_planner.model.pose import Pose, angle_between, displaced
@@ -61,7 +61,7 @@ _LOOSER = 1.5        # by which it is slackened, or drawn tighter, until it pull
 _ASIDE = 0.0, 0.1, -0.1, 0.15, -0.15, 0.2, -0.2, 0.3, -0.3
 # times less that the gripper pulls than it should, where that leads the DLO over what stands ahead:
 # it sags more, so that it rises towards the gripper
-_EASED = 1.0, 2.0, 4.0
+_EASED = 1.0, 2.0, 4.0, 8.0
 _LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
 
@@ -111,7 +111,7 @@ class Fitting(Value):
         if self.retains is not None:
             put(self, retains=number(f'{name}.retains', self.retains, minimum=0, unit='N'))
         if self.size is not None:
-            put(self, size=Box(self.pose, self.size).size)
+            put(self, size=row(f'{name}.size', self.size, least=3, most=3, above=0))
         super().__post_init__()
 
     @property
@@ -393,19 +393,19 @@ class _Routing:
 
     def _through(self, index: int, shape: Shape) -> Shape:
         """Add the stages of a fitting, by its index; return their end."""
-        fitting, name, kept = self._task.fittings[index], self._names[index], len(
-            self._stages.plans)
-        aim, refused = self._aim_at(fitting, shape, name), list[Infeasible]()
+        fitting, name = self._task.fittings[index], self._names[index]
+        self._eased, refused = 1.0, list[Infeasible]()
+        self._keep_off(index)
+        aim = self._aim_at(fitting, shape, name)
+        shape = self._way(shape, self._gripper_for(fitting, shape, aim, name), f'approach {name}')
+        self._keep_off(index + 1)
+        kept = len(self._stages.plans)
         for self._eased in _EASED:
             try:
-                self._keep_off(index)
-                before_it = self._way(shape, self._gripper_for(fitting, shape, aim, name),
-                                      f'approach {name}')
-                self._keep_off(index + 1)
-                return self._pressed(*self._entered(before_it, fitting, aim, name), fitting, name)
+                return self._pressed(*self._entered(shape, fitting, aim, name), fitting, name)
             except Infeasible as error:
                 refused.append(error)
-                if error.constraint != 'clearance':
+                if error.constraint == 'push':
                     break
                 self._stages.cut(kept)
         raise refused[0]
