@@ -58,10 +58,11 @@ _PASSING = 0.02      # of the length: what the DLO may miss a mouth by while it 
 _STRONGER = 1.3      # by which it pulls more then
 _LOOSER = 1.5        # by which it is slackened, or drawn tighter, until it pulls less, or more
 # rad: by how much the gripper goes aside to press, past what stands ahead; the least that is enough
-_ASIDE = 0.0, 0.1, -0.1, 0.15, -0.15, 0.2, -0.2, 0.3, -0.3
-# times less that the gripper pulls than it should, where that leads the DLO over what stands ahead:
-# it sags more, so that it rises towards the gripper
-_EASED = 1.0, 2.0, 4.0, 8.0
+_ASIDE = 0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.8, -0.8
+# rad: by how much the gripper is turned down as the DLO enters, where that bows it over what stands
+# ahead: it rises towards the gripper then
+_BOWS = 0.0, 0.2, 0.4, 0.8
+_EASED = 10.0        # per rad: by how much less than it should it pulls then
 _LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
 
@@ -268,7 +269,7 @@ class Route(Task):
     each fitting.
 
     That the DLO fits into a fitting is looked at by `room` alone. Where a fitting says its `size`,
-    the DLO stays out of it until it goes in, and `clearance` away; it sags over what stands ahead,
+    the DLO stays out of it until it goes in, and `clearance` away; it bows over what stands ahead,
     and is pressed in past it, to one side. What the DLO lies in is in its way no more. The hands
     are in the way only if they are obstacles of the simulator. Motions are proved at rest; in time
     only where nothing slides.
@@ -368,7 +369,7 @@ class _Routing:
         self._demands = replace(context.demands, wrench_limits=(task.max_force, task.max_moment),
                                 clearance=task.clearance)
         self._names = [f'{one.word} {k}' for k, one in enumerate(task.fittings, start=1)]
-        self._eased = 1.0  # times less that the gripper pulls than it should
+        self._bow = 0.0  # rad, by which the gripper is turned down as the DLO enters
         self._keep_off(0)
         self._stages = Stages(self._demands.speeds)
 
@@ -394,13 +395,13 @@ class _Routing:
     def _through(self, index: int, shape: Shape) -> Shape:
         """Add the stages of a fitting, by its index; return their end."""
         fitting, name = self._task.fittings[index], self._names[index]
-        self._eased, refused = 1.0, list[Infeasible]()
+        self._bow, refused = 0.0, list[Infeasible]()
         self._keep_off(index)
         aim = self._aim_at(fitting, shape, name)
         shape = self._way(shape, self._gripper_for(fitting, shape, aim, name), f'approach {name}')
         self._keep_off(index + 1)
         kept = len(self._stages.plans)
-        for self._eased in _EASED:
+        for self._bow in _BOWS:
             try:
                 return self._pressed(*self._entered(shape, fitting, aim, name), fitting, name)
             except Infeasible as error:
@@ -408,7 +409,7 @@ class _Routing:
                 if error.constraint == 'push':
                     break
                 self._stages.cut(kept)
-        raise refused[0]
+        raise refused[-1]
 
     def _keep_off(self, first: int) -> None:
         """Demand that the DLO stays out of all fittings from the `first` on, by its index."""
@@ -667,7 +668,8 @@ class _Routing:
         heights = np.linspace(self._task.standoff, 0.0, _ENTRIES + 1)
         found, poses = [shape], list[Pose]()
         for height in heights.tolist():
-            there = self._aimed(found[-1], aim._replace(pose=before(fitting, height)))
+            begin = self._turned_down(found[-1], fitting, self._bow / heights.size)
+            there = self._aimed(begin, aim._replace(pose=before(fitting, height)))
             if there is None:
                 raise self._refused(f'enter {name}', 'aim', self._miss(found[-1], aim._replace(
                     pose=before(fitting, height))), f'{height:.3g} m before {name} no pose of the '
@@ -688,6 +690,15 @@ class _Routing:
         plan = builder.finished()
         self._added(plan, f'enter {name}')
         return shape, self._place(shape, aim._replace(pose=fitting.pose))
+
+    def _turned_down(self, shape: Shape, fitting: Fitting, angle: float) -> Shape:
+        """Return the Shape with the gripper turned in its place, rad, against a mouth."""
+        if not angle:
+            return shape
+        axis = np.cross(fitting.outwards, shape.gripper.rotation[:, 0])
+        pose = displaced(shape.gripper, np.append(angle * axis / np.linalg.norm(axis), np.zeros(3)))
+        there = self._simulator.track([pose], initial=shape, holds=[shape.holds])[0]
+        return there if there.converged and not there.jumped else shape
 
     def _waypoint(self, shape: Shape, fitting: Fitting, aim: _Aim, height: float) -> Waypoint:
         """Return the Waypoint of a Shape before the seat of a fitting, with what it misses."""
@@ -774,7 +785,7 @@ class _Routing:
         weight = float(rod.masses_per_length(ends).mean()) * length * float(
             np.linalg.norm(surroundings.gravity))
         bends = float(rod.stiffnesses(ends)[:, 1:].mean()) / length**2
-        return (weight + bends) / self._eased
+        return (weight + bends) / (1 + _EASED * self._bow)
 
     def _pressed(self, shape: Shape, s: float, fitting: Fitting, name: str) -> Shape:
         """Add the stage in which a fitting holds, and the DLO is pressed into it."""
