@@ -28,6 +28,12 @@ from dlo_planner import (
 from dlo_planner.tasks import Clip, Fitting, Fork, Route
 
 _ROOM = 0.8e-3  # m
+RADIUS = 3e-3   # m
+# m: of a fitting's prong along the cable and across it, and how far it stands out of the seat
+PRONG = 6e-3, 4e-3, 8e-3
+_SIZE = PRONG[0], 2 * (RADIUS + _ROOM + PRONG[1]), 2 * PRONG[2]
+_STEEP = 0.6    # rad: beyond level, of the cable at the beginning
+_APART = 2e-3   # m: how far the cable stays from the board and what stands ahead
 
 
 def board(kind: str, seed: int) -> tuple[DirectSimulator, Route, Pose]:
@@ -46,16 +52,19 @@ def board(kind: str, seed: int) -> tuple[DirectSimulator, Route, Pose]:
         # tangents point from the gripper on
         pose = Pose.looking_along((*place, height), (-np.cos(heading), -np.sin(heading), 0.0))
         push = float(rng.uniform(0.05, 0.3))
-        fittings.append(Fork(pose, push=push, room=_ROOM, slip=float(rng.uniform(0.05, 0.5)))
-                        if kind == 'forks' else Clip(pose, push=push, room=_ROOM))
+        fittings.append(
+            Fork(pose, push=push, room=_ROOM, size=_SIZE, slip=float(rng.uniform(0.05, 0.5)))
+            if kind == 'forks' else Clip(pose, push=push, room=_ROOM, size=_SIZE))
     length = 1.03 * length + rng.uniform(0.25, 0.4)
     rod = Rod(length, float(rng.uniform(0.015, 0.03)), float(rng.uniform(2e-3, 8e-3)), 2e-3,
-              radius=0.003)
+              radius=RADIUS)
     simulator = DirectSimulator(rod, n_elements=64, basis='local',
                                 obstacles=[Plane((0, 0, 0), (0, 0, 1), name='board')])
-    start = Pose.looking_along((0.98 * length, 0.0, height + 0.1), (-1, 0, 0))
+    # so steep that the cable hangs above all fittings
+    along = np.array([np.cos(_STEEP), 0.0, np.sin(_STEEP)])
+    start = Pose.looking_along((0.0, 0.0, height) + 0.98 * length * along, -along)
     far_end = FarEnd(Pose.looking_along((0, 0, height), (-1, 0, 0)))
-    return simulator, Route(fittings, far_end=far_end), start
+    return simulator, Route(fittings, far_end=far_end, clearance=_APART), start
 
 
 def led_again(simulator: DirectSimulator, plan: Plan) -> tuple[int, float]:

@@ -6,11 +6,12 @@
 `benchmarks.routes`, and executes them stage by stage in open loop, with a cable and fittings that
 are not quite as stated. Forks are walls: two prongs, a floor, and a lid that snaps shut when the
 floor bears the `push` of the fork; the cable rubs on them as Coulomb says, not with the friction
-that the planner takes. Clips hold what lies in them when their floor bears their push. Where the
-cable is a little longer than stated a fitting does not snap at the planned pose: then the gripper
-goes on, straight and slowly, until it does, 6 mm at most, as a robot does that presses. A run is
-done when each fitting has snapped with the cable in it, the cable is in all of them at the end, and
-nothing was rammed.
+that the planner takes. Clips hold what lies in them when their floor bears their push. Where a
+fitting has snapped the gripper stops and turns back, as a robot does that feels it. Where the cable
+is a little longer than stated it does not snap at the planned pose: then the gripper goes on,
+straight and slowly, until it does, 6 mm at most, as a robot does that presses. A run is done when
+each fitting has snapped with the cable in it, the cable is in all of them at the end, and nothing
+was rammed: no fitting, nor the cable torn at by its gripper, which does not give way.
 """
 
 import sys
@@ -42,8 +43,9 @@ CELLS = 80
 LONG, THICK, DEEP = 6e-3, 4e-3, 8e-3  # m: a prong along the cable, across it, and out of the floor
 LIP = 0.3e-3    # m, below the cable in its seat, and above it when the lid is shut
 RUB = 0.2       # Coulomb's coefficient of the walls
-RAMMED = 20.0   # N, a force at which a run is given up
-LIMITS = Limits(linear_speed=0.1, angular_speed=0.5)
+RAMMED = 20.0   # N: a force on a fitting, or of the gripper, at which a run is given up
+STOPS = 10      # periods in which the gripper stands before it turns round
+LIMITS = Limits(linear_speed=0.2, angular_speed=1.0)
 UNKNOWN = Unknowns(0.02, 0.01, natural_curvature=np.array([0.02]), length=3e-4,
                    gripper_position=2e-4, gripper_rotation=1e-3)
 FIRMLY = 1.5    # times the push of a fitting, with which it is planned to be pressed into
@@ -103,6 +105,7 @@ class Run:
         for k in range(len(task.fittings)):
             self.plant.put(self.first + 4 * k + 3, False)  # lids are open
         self.snapped, self.pressed = dict[int, float](), dict[int, float]()
+        self.pulled = 0.0  # the largest force of the gripper, N
 
     def move(self, pose, pressing=None, seconds=PERIOD):
         """Go on to a pose, `pressing` into a fitting; return whether nothing is rammed."""
@@ -117,7 +120,8 @@ class Run:
                     self.plant.snap(self.clips.index(k))
                 else:
                     self.plant.put(self.first + 4 * k + 3)
-        return self.plant.forces.max() < RAMMED
+        self.pulled = max(self.pulled, self.plant.pull)
+        return max(self.plant.forces.max(), self.plant.pull) < RAMMED
 
     def press_on(self, stage, k):
         """Go beyond the farthest pose of a stage, until a fitting snaps, and back."""
@@ -148,9 +152,19 @@ def executed(direct, task, plan, motions, seed, **unknown):
     pressed_on = 0
     for (name, _), stage, motion in zip(plan.starts, plan.stage_plans, motions, strict=True):
         k = int(name.split()[-1]) - 1 if name.startswith('press') else None
-        for pose in motion.poses(PERIOD * np.arange(1, int(motion.duration / PERIOD) + 2)):
-            if not run.move(pose, k):
-                return {'rammed': float(run.plant.forces.max()), 'at': name}
+        poses = motion.poses(PERIOD * np.arange(1, int(motion.duration / PERIOD) + 2))
+        back = len(poses) // 2 if k is not None else 0  # from there on it goes back as it came
+        i = 0
+        while i < len(poses):
+            if not run.move(poses[i], k):
+                return {'rammed': float(run.plant.forces.max()), 'pulled': run.pulled, 'at': name}
+            if i < back and k in run.snapped:  # enough: it stops, and turns round
+                here = poses[i].position
+                i = back + int(np.argmin([np.linalg.norm(one.position - here)
+                                          for one in poses[back:]]))
+                for _ in range(STOPS):
+                    run.move(poses[i])
+            i += 1
         if k is not None and k not in run.snapped:
             run.press_on(stage, k)
             pressed_on += 1
@@ -160,14 +174,16 @@ def executed(direct, task, plan, motions, seed, **unknown):
     for _ in range(50):
         run.move(plan.grippers[-1])
     return {'snapped': len(run.snapped), 'pressed on': pressed_on, 'seconds': run.plant.time,
-            'largest force': float(run.plant.largest_forces.max()),
+            'largest force': float(run.plant.largest_forces.max()), 'pulled': run.pulled,
+            'planned pull': float(np.linalg.norm(
+                [one.gripper_wrench[:3] for one in plan.shapes], axis=1).max()),
             'worst miss': max(run.miss(k) for k in range(len(task.fittings)))}
 
 
 def is_done(figures, task):
     """Whether each fitting has snapped, and holds the cable in the end."""
-    return figures.get('snapped') == len(task.fittings) and figures['worst miss'] < max(
-        one.room for one in task.fittings) + 2 * LIP + 1e-3
+    return (figures.get('snapped') == len(task.fittings) and figures['pulled'] < RAMMED
+            and figures['worst miss'] < max(one.room for one in task.fittings) + 2 * LIP + 1e-3)
 
 
 def main():

@@ -258,6 +258,12 @@ class Plant:
         return self._curve(row('s', s, minimum=0, maximum=self._chain.length))
 
     @property
+    def pull(self) -> float:
+        """The force between gripper and DLO, N, as it is now."""
+        mujoco.mj_rnePostConstraint(self._model, self._data)
+        return float(self._chain.unit * np.linalg.norm(self._data.body('piece 0').cfrc_int[3:]))
+
+    @property
     def length(self) -> float:
         """The true length of the DLO, m."""
         return self._chain.length

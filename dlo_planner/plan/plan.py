@@ -300,9 +300,9 @@ class Plan(Filmed):
             starts, [*firsts[1:], len(self)], strict=True))
 
     @property
-    def _changes_hands(self) -> bool:
-        """Whether something opens or closes on the way; a bore is no hand."""
-        return len(default_starts(self.shapes)) > 1 and not any(
+    def _passes_by_hands(self) -> bool:
+        """Whether it passes cut-outs while hands open or close on the way; a bore is no hand."""
+        return any(self.via_points) and len(default_starts(self.shapes)) > 1 and not any(
             hold.by == BORE for shape in self.shapes for hold in shape.holds)
 
     def _part(self, name: str, begin: int, end: int) -> Plan:
@@ -311,7 +311,7 @@ class Plan(Filmed):
         part['times'] = part['times'] - part['times'][0]
         made = replace(self, **part, starts=((name, 0),), stops=tuple(
             stop - begin for stop in self.stops if begin < stop < end - 1))
-        if self._changes_hands:  # what they are off by depends on where they closed
+        if self._passes_by_hands:  # what they are off by depends on where they closed
             margin = self.margin[begin:end].copy()
             freeze(margin)
             put(made, margin=margin)
@@ -469,7 +469,7 @@ class Plan(Filmed):
         """
         errors, found = None, list[float]()
         rods = [shape.rod for shape in self.shapes]
-        if self._changes_hands and rods[0] is not None and None not in rods:
+        if self._passes_by_hands and rods[0] is not None and None not in rods:
             errors = GripErrors(self.uncertainty or usual_uncertainty(rods[0]))
         for k, shape in enumerate(self.shapes):
             if errors is not None:

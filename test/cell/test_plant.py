@@ -49,6 +49,11 @@ def at(x=0.0, y=0.0, z=1.0):
     return Pose((x, y, z), (0, 0, 0, 1))
 
 
+def test_the_gripper_bears_the_weight():
+    beyond = 1 - 0.5 / 40  # the gripper encloses half of the first cell
+    assert Plant(beam(), at(), cells=40).pull == pytest.approx(0.1 * 9.81 * beyond, rel=1e-5)
+
+
 def off_a(wire, level, cells):
     tip = Plant(wire, level, cells=cells).tip.position
     return np.hypot(tip[0] - TIP_A[0], tip[2] - TIP_A[1])

@@ -38,8 +38,8 @@ def simulator(n_elements=40):
                            obstacles=[Plane((0, 0, 0), (0, 0, 1), name='board')])
 
 
-def planned(task, start=START):
-    return InverseSimulator(simulator()).plan(task, start=start)
+def planned(task, start=START, n_elements=40):
+    return InverseSimulator(simulator(n_elements)).plan(task, start=start)
 
 
 @cache
@@ -152,6 +152,50 @@ def test_a_fitting_that_lets_go_is_named():
     assert refused.value.constraint == 'retains' and refused.value.plan.fraction < 1
 
 
+STEEP = toward((0.647, 0, 0.543), (-0.647, 0, -0.443))
+SIZE = (6e-3, 0.016, 0.016)
+# two in a line: what presses into the first would lie on the prongs of the second
+IN_LINE = [Fork(toward((x, 0.0, 0.1), (-1, 0, 0)), push=0.06, room=0.8e-3, size=SIZE, slip=0.05)
+           for x in (0.15, 0.32)]
+
+
+@cache
+def in_line():
+    """Return the Plan through two forks that stand in a line."""
+    return planned(Route(IN_LINE, far_end=PLUG, clearance=1e-3),
+                   start=STEEP, n_elements=24)
+
+
+def room_beside(shape, fitting):
+    """Return the distance of a Shape's surface from the box of a fitting, m."""
+    places = (shape.positions_at(np.linspace(0, 0.8, 3201)) - fitting.pose.position
+              ) @ np.stack([fitting.pose.rotation[:, 0], fitting.aside, fitting.outwards], axis=1)
+    beyond = np.maximum(np.abs(places) - 0.5 * np.array(SIZE), 0.0)
+    return np.linalg.norm(beyond, axis=1).min() - CABLE.radius
+
+
+def test_the_dlo_stays_out_of_the_fittings_ahead():
+    plan = in_line()
+    for stage in plan.stages:
+        ahead = [fork for k, fork in enumerate(IN_LINE, start=1)
+                 if not (stage.name.endswith(f'fork {k}') and not stage.name.startswith('approach'))
+                 and not any(hold.by == f'fork {k}' for hold in stage.shapes[0].holds)]
+        for fork in ahead:
+            assert min(room_beside(shape, fork) for shape in stage.shapes) > 0.9e-3
+    pressing = next(stage for stage in plan.stages if stage.name == 'press fork 1')
+    pushes = [wrench[:3] @ IN_LINE[0].outwards for shape in pressing.shapes
+              for hold, wrench in zip(shape.holds, shape.wrenches, strict=True)
+              if hold.by == 'fork 1']
+    assert max(pushes) >= 0.06
+
+
+def test_stages_in_which_friction_is_at_its_limit_are_plans_of_their_own():
+    plan = in_line()
+    assert any(any(shape.state.feed.slides) for shape in plan.shapes if shape.state.feed)
+    assert [len(stage) for stage in plan.stage_plans] == [len(one.shapes) for one in plan.stages]
+    assert np.isnan(plan.margin).all()  # it passes no cut-out
+
+
 def test_a_free_far_end_leaves_a_tail():
     high = replace(FORK, pose=toward((0.15, 0.0, 0.9), (-1, 0, 0)), push=0.0, slip=0.5)
     plan = planned(Route([high], tail=0.2), start=toward((0.7, 0, 1.0), (-1, 0, 0)))
@@ -175,7 +219,8 @@ def test_a_clamp_takes_the_dlo_as_it_is_turned():
 
 
 def test_it_is_read_from_yaml_and_stored(tmp_path):
-    task = Route([CLIP, FORK, Peg(CLIP.pose, friction=0.1)], far_end=PLUG, slack=0.02)
+    task = Route([CLIP, replace(FORK, size=SIZE), Peg(CLIP.pose, friction=0.1)], far_end=PLUG,
+                 slack=0.02)
     again = task_from_yaml(task_to_yaml(task))
     assert again == task
     board().save(tmp_path / 'plan.npz')
@@ -188,6 +233,7 @@ def test_it_is_read_from_yaml_and_stored(tmp_path):
     (lambda: Clip(CLIP.pose, grip='ring'), 'Clip.grip'),
     (lambda: Fork(CLIP.pose, slip=-1.0), 'Fork.slip'),
     (lambda: Fork(CLIP.pose, room=0.0), 'Fork.room'),
+    (lambda: Fork(CLIP.pose, size=(0.01, 0.0, 0.01)), 'Fork.size'),
     (lambda: Peg(CLIP.pose, friction=-0.1), 'Peg.friction'),
     (lambda: Route([]), 'fittings'),
     (lambda: Route([CLIP.pose]), 'fittings'),

@@ -33,8 +33,9 @@ from dlo_planner.inverse.stages import Stages, again, held_at_first, upwards
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import SHARPEST, led, limit
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, instance, items, number, vector
+from dlo_planner.model.checks import choice, instance, items, number, row, vector
 from dlo_planner.model.holds import RINGS, FarEnd, Hold, holds_of
+from dlo_planner.model.obstacles import Box
 from dlo_planner.model.pose import Pose, angle_between, displaced
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.builder import PlanBuilder
@@ -56,6 +57,12 @@ _ABOUT = 2.0         # times less or more than it should: how the gripper may pu
 _PASSING = 0.02      # of the length: what the DLO may miss a mouth by while it is drawn straight
 _STRONGER = 1.3      # by which it pulls more then
 _LOOSER = 1.5        # by which it is slackened, or drawn tighter, until it pulls less, or more
+# rad: by how much the gripper goes aside to press, past what stands ahead; the least that is enough
+_ASIDE = 0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.8, -0.8
+# rad: by how much the gripper is turned down as the DLO enters, where that bows it over what stands
+# ahead: it rises towards the gripper then
+_BOWS = 0.0, 0.2, 0.4, 0.8
+_EASED = 10.0        # per rad: by how much less than it should it pulls then
 _LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
 
@@ -77,6 +84,9 @@ class Fitting(Value):
         Largest force out of the mouth that it bears from then on, N, at waypoints. If None, any.
     room : float
         Largest distance of the DLO from the middle of the mouth on its way in, m.
+    size : ndarray, shape (3,), or None
+        Of the box around the seat that the fitting fills, m: along the DLO, across it, and along
+        the mouth. The DLO keeps out of it until it goes in. If None, nothing is in the way.
     """
 
     pose: Pose
@@ -84,6 +94,7 @@ class Fitting(Value):
     push: float = 0.0
     room: float = 1e-3
     retains: float | None = None
+    size: Floats | None = None
 
     word: ClassVar[str] = 'fitting'
 
@@ -100,6 +111,8 @@ class Fitting(Value):
             room=number(f'{name}.room', self.room, above=0, unit='m'))
         if self.retains is not None:
             put(self, retains=number(f'{name}.retains', self.retains, minimum=0, unit='N'))
+        if self.size is not None:
+            put(self, size=row(f'{name}.size', self.size, least=3, most=3, above=0))
         super().__post_init__()
 
     @property
@@ -114,6 +127,13 @@ class Fitting(Value):
         result: Floats = np.cross(self.outwards, self.pose.rotation[:, 0])
         return result
 
+    def body(self, name: str) -> tuple[Box, ...]:
+        """Return the Box that it fills, if it has a size; `name`: how that is called."""
+        if self.size is None:
+            return ()
+        axes = np.stack([self.pose.rotation[:, 0], self.aside, self.outwards], axis=1)
+        return (Box(Pose.from_rotation(self.pose.position, axes), self.size, name=name),)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Clip(Fitting):
@@ -122,7 +142,7 @@ class Clip(Fitting):
     Attributes
     ----------
     pose : Pose
-        As of every fitting, like mouth, push, room and retains.
+        As of every fitting, like mouth, push, room, retains and size.
     grip : str
         'aligned' (default): the DLO may turn about its tangent; 'clamped'; or 'pinned': about all.
     """
@@ -134,7 +154,7 @@ class Clip(Fitting):
     if TYPE_CHECKING:  # what may be given
         def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
                      room: float = 1e-3, retains: float | None = None,
-                     grip: str = 'aligned') -> None: ...
+                     size: ArrayLike | None = None, grip: str = 'aligned') -> None: ...
 
     def __post_init__(self) -> None:
         choice('Clip.grip', self.grip, ('aligned', 'clamped', 'pinned'))
@@ -148,7 +168,7 @@ class Fork(Fitting):
     Attributes
     ----------
     pose : Pose
-        As of every fitting, like mouth, push, room and retains.
+        As of every fitting, like mouth, push, room, retains and size.
     slip : float
         Friction along the DLO, N, as of a Hold.
     grip : str
@@ -162,7 +182,8 @@ class Fork(Fitting):
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
-                     room: float = 1e-3, retains: float | None = None, slip: float = 0.0,
+                     room: float = 1e-3, retains: float | None = None,
+                     size: ArrayLike | None = None, slip: float = 0.0,
                      grip: str = 'ring') -> None: ...
 
     def __post_init__(self) -> None:
@@ -180,7 +201,8 @@ class Peg(Fitting):
     Attributes
     ----------
     pose : Pose
-        As of every fitting, like mouth, push, room and retains: where the DLO bears on the post.
+        As of every fitting, like mouth, push, room, retains and size: where the DLO bears on the
+        post.
     friction : float
         Coulomb's coefficient.
     angle : float
@@ -197,8 +219,9 @@ class Peg(Fitting):
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
-                     room: float = 1e-3, retains: float | None = None, friction: float = 0.0,
-                     angle: float = 0.0, tension: float = 0.0) -> None: ...
+                     room: float = 1e-3, retains: float | None = None,
+                     size: ArrayLike | None = None, friction: float = 0.0, angle: float = 0.0,
+                     tension: float = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
         put(self, friction=number('Peg.friction', self.friction, minimum=0, maximum=10),
@@ -245,9 +268,11 @@ class Route(Task):
     executed one by one. `Plan.tensions` has the tension of each span, `Plan.wrenches` the load of
     each fitting.
 
-    The fittings are points: that the DLO fits into them is looked at by `room` alone, and their
-    bodies are in the way only if they are obstacles of the simulator, as are the hands. Motions are
-    proved at rest; in time only where nothing slides.
+    That the DLO fits into a fitting is looked at by `room` alone. Where a fitting says its `size`,
+    the DLO stays out of it until it goes in, and `clearance` away; it bows over what stands ahead,
+    and is pressed in past it, to one side. What the DLO lies in is in its way no more. The hands
+    are in the way only if they are obstacles of the simulator. Motions are proved at rest; in time
+    only where nothing slides.
 
     Attributes
     ----------
@@ -343,7 +368,9 @@ class _Routing:
         self._simulator: DirectSimulator = context.simulator.without_obstacles()
         self._demands = replace(context.demands, wrench_limits=(task.max_force, task.max_moment),
                                 clearance=task.clearance)
-        self._silent = self._demands.silent()
+        self._names = [f'{one.word} {k}' for k, one in enumerate(task.fittings, start=1)]
+        self._bow = 0.0  # rad, by which the gripper is turned down as the DLO enters
+        self._keep_off(0)
         self._stages = Stages(self._demands.speeds)
 
     # ---- stage by stage ---------------------------------------------------------------------
@@ -360,15 +387,36 @@ class _Routing:
         if not shape.converged:
             raise self._refused('start', 'equilibrium', 0.0, f'at the start the DLO is '
                                 f'{shape.status}')
-        for number_, fitting in enumerate(self._task.fittings, start=1):
-            name = f'{fitting.word} {number_}'
-            aim = self._aim_at(fitting, shape, name)
-            begin = self._gripper_for(fitting, shape, aim, name)
-            shape = self._way(shape, begin, f'approach {name}')
-            shape, s = self._entered(shape, fitting, aim, name)
-            shape = self._pressed(shape, fitting, s, name)
+        for index in range(len(self._names)):
+            shape = self._through(index, shape)
         if self._task.to is not None:
             self._way(shape, self._task.to, 'to')
+
+    def _through(self, index: int, shape: Shape) -> Shape:
+        """Add the stages of a fitting, by its index; return their end."""
+        fitting, name = self._task.fittings[index], self._names[index]
+        self._bow, refused = 0.0, list[Infeasible]()
+        self._keep_off(index)
+        aim = self._aim_at(fitting, shape, name)
+        shape = self._way(shape, self._gripper_for(fitting, shape, aim, name), f'approach {name}')
+        self._keep_off(index + 1)
+        kept = len(self._stages.plans)
+        for self._bow in _BOWS:
+            try:
+                return self._pressed(*self._entered(shape, fitting, aim, name), fitting, name)
+            except Infeasible as error:
+                refused.append(error)
+                if error.constraint == 'push':
+                    break
+                self._stages.cut(kept)
+        raise refused[-1]
+
+    def _keep_off(self, first: int) -> None:
+        """Demand that the DLO stays out of all fittings from the `first` on, by its index."""
+        bodies = [body for one, name in zip(self._task.fittings[first:], self._names[first:],
+                                            strict=True) for body in one.body(name)]
+        self._silent = replace(self._demands.silent(),
+                               obstacles=(*self._demands.obstacles, *bodies))
 
     def _aim_at(self, fitting: Fitting, shape: Shape, name: str) -> _Aim:
         """Return the _Aim before a fitting, or raise Infeasible where it is out of reach."""
@@ -620,7 +668,8 @@ class _Routing:
         heights = np.linspace(self._task.standoff, 0.0, _ENTRIES + 1)
         found, poses = [shape], list[Pose]()
         for height in heights.tolist():
-            there = self._aimed(found[-1], aim._replace(pose=before(fitting, height)))
+            begin = self._turned_down(found[-1], fitting, self._bow / heights.size)
+            there = self._aimed(begin, aim._replace(pose=before(fitting, height)))
             if there is None:
                 raise self._refused(f'enter {name}', 'aim', self._miss(found[-1], aim._replace(
                     pose=before(fitting, height))), f'{height:.3g} m before {name} no pose of the '
@@ -642,6 +691,15 @@ class _Routing:
         self._added(plan, f'enter {name}')
         return shape, self._place(shape, aim._replace(pose=fitting.pose))
 
+    def _turned_down(self, shape: Shape, fitting: Fitting, angle: float) -> Shape:
+        """Return the Shape with the gripper turned in its place, rad, against a mouth."""
+        if not angle:
+            return shape
+        axis = np.cross(fitting.outwards, shape.gripper.rotation[:, 0])
+        pose = displaced(shape.gripper, np.append(angle * axis / np.linalg.norm(axis), np.zeros(3)))
+        there = self._simulator.track([pose], initial=shape, holds=[shape.holds])[0]
+        return there if there.converged and not there.jumped else shape
+
     def _waypoint(self, shape: Shape, fitting: Fitting, aim: _Aim, height: float) -> Waypoint:
         """Return the Waypoint of a Shape before the seat of a fitting, with what it misses."""
         pose = before(fitting, height)
@@ -649,31 +707,35 @@ class _Routing:
                            pose.rotation[:, 0])
         return made._replace(via_points=())
 
-    def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str) -> list[Shape]:
+    def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str,
+                 aside: float) -> list[Shape]:
         """Return Shapes that press into a fitting that holds the DLO at s, m, until it snaps.
 
-        The gripper pulls, swings inwards about the seat as long as nothing is in the way, then
-        pulls more and more.
+        The gripper swings `aside` about the seat, by so many rad, then inwards as long as nothing
+        is in the way, then pulls more and more.
         """
         out, seat = fitting.outwards, fitting.pose.position
         way = begin.gripper.position - seat
         size = float(np.linalg.norm(way))
         ahead = way - (way @ out) * out
         ahead /= np.linalg.norm(ahead)
+        across = np.cross(out, ahead)
         first, found = float(np.arcsin(way @ out / size)), [begin]
-        angle, slack = first, max(1 - size / s, _TAUTEST)
+        angle, beside, slack = first, 0.0, max(1 - size / s, _TAUTEST)
         pull = max(self._pull(begin, seat), self._least_pull(s) / _ABOUT)
         firm = min(_FIRM, _LESS_FIRM * begin.stability)
 
-        def pressed(lower: float, wanted: float) -> tuple[Shape, float] | None:
-            """Return the Shape at an angle with a pull, N, and what is slack then; or None."""
-            turned = Rotation.from_rotvec((first - lower) * np.cross(out, ahead)).as_matrix()
+        def pressed(lower: float, side: float, wanted: float) -> tuple[Shape, float] | None:
+            """Return the Shape at two angles with a pull, N, and what is slack then; or None."""
+            turned = (Rotation.from_rotvec(side * out)
+                      * Rotation.from_rotvec((first - lower) * across)).as_matrix()
+            level = np.cos(side) * ahead + np.sin(side) * across
             loose, tight, wide = slack, 0.0, np.inf  # between the last two is what is wanted
             for _ in range(_PULLS):
                 if loose < _TAUTEST:
                     return None
                 pose = Pose.from_rotation(
-                    seat + (1 - loose) * s * (np.cos(lower) * ahead + np.sin(lower) * out),
+                    seat + (1 - loose) * s * (np.cos(lower) * level + np.sin(lower) * out),
                     turned @ begin.gripper.rotation)
                 there = self._simulator.track([pose], initial=found[-1],
                                               holds=[found[-1].holds])[0]
@@ -681,23 +743,31 @@ class _Routing:
                     loose *= _LOOSER
                     continue
                 pulls = self._pull(there, seat)
-                tight, wide = (loose, wide) if pulls > wanted else (tight, loose)
-                if not fitting.push or abs(pulls - wanted) < _PULLED * wanted:
-                    good = (there.stability > firm and self._push(there, fitting, name) > -wanted
-                            * _LIFTS and self._silent.violation(Waypoint(there)) is None)
+                lifts = self._push(there, fitting, name) < -wanted * _LIFTS
+                much = pulls > wanted or lifts
+                tight, wide = (loose, wide) if much else (tight, loose)
+                little = fitting.push and side == beside and pulls < (1 - _PULLED) * wanted
+                if not lifts and not little and (
+                        not fitting.push or pulls < (1 + _PULLED) * wanted):
+                    good = there.stability > firm and self._silent.violation(
+                        Waypoint(there)) is None
                     return (there, loose) if good else None
-                loose = (loose * (_LOOSER if pulls > wanted else 1 / _LOOSER)
+                loose = (loose * (_LOOSER if much else 1 / _LOOSER)
                          if not tight or wide == np.inf else float(np.sqrt(tight * wide)))
             return None
 
-        while len(found) < 2 or fitting.push and (
+        while beside != aside or len(found) < 2 or fitting.push and (
                 self._push(found[-1], fitting, name) < fitting.push):
             self._context.progress.check()
-            for lower, wanted in ((angle - _SWING, pull), (angle, _STRONGER * pull)):
-                if lower > -_STEEPEST and (there := pressed(lower, wanted)) is not None:
-                    if (lower, there[1]) != (angle, slack):  # else it pulls enough already
+            left = aside - beside
+            tries = [(angle - _SWING, beside, pull), (angle, beside, _STRONGER * pull)]
+            if left:
+                tries = [(angle, aside - float(np.sign(left)) * max(0.0, abs(left) - _SWING), pull)]
+            for lower, side, wanted in tries:
+                if lower > -_STEEPEST and (there := pressed(lower, side, wanted)) is not None:
+                    if (lower, side, there[1]) != (angle, beside, slack):  # else it pulls enough
                         found.append(there[0])
-                    angle, pull, slack = lower, wanted, there[1]
+                    angle, beside, pull, slack = lower, side, wanted, there[1]
                     break
             else:
                 break
@@ -714,9 +784,10 @@ class _Routing:
         ends = np.linspace(0.0, length, 9)
         weight = float(rod.masses_per_length(ends).mean()) * length * float(
             np.linalg.norm(surroundings.gravity))
-        return weight + float(rod.stiffnesses(ends)[:, 1:].mean()) / length**2
+        bends = float(rod.stiffnesses(ends)[:, 1:].mean()) / length**2
+        return (weight + bends) / (1 + _EASED * self._bow)
 
-    def _pressed(self, shape: Shape, fitting: Fitting, s: float, name: str) -> Shape:
+    def _pressed(self, shape: Shape, s: float, fitting: Fitting, name: str) -> Shape:
         """Add the stage in which a fitting holds, and the DLO is pressed into it."""
         s = self._settled(shape, fitting, s, name)
         hold = hold_by(fitting, s, shape.frame_at(s)[0], name)
@@ -725,8 +796,14 @@ class _Routing:
         if not begin.converged or begin.jumped:
             raise self._refused(f'press {name}', 'continuity', 0.0, f'where {name} closes the DLO '
                                 f'would not stay: {begin.status}')
-        found = self._presses(begin, fitting, s, name)
-        pushed = self._push(found[-1], fitting, name)
+        pushed, found = -np.inf, [begin]
+        for aside in _ASIDE:
+            shapes = self._presses(begin, fitting, s, name, aside)
+            if len(shapes) > 1 and (push := self._push(shapes[-1], fitting, name)) > pushed:
+                pushed, found = push, shapes
+            if pushed >= fitting.push or len(self._silent.obstacles) == len(
+                    self._demands.obstacles):  # nothing stands ahead
+                break
         if len(found) < 2 or fitting.push and pushed < fitting.push:
             raise self._refused(
                 f'press {name}', 'push', fitting.push - pushed, f'{name} snaps at '
@@ -762,7 +839,7 @@ class _Routing:
 
     def _added(self, plan: Plan, name: str) -> Shape:
         """Add a stage in which no fitting loses the DLO; return its end."""
-        limits = {f'{one.word} {k}': one for k, one in enumerate(self._task.fittings, start=1)}
+        limits = dict(zip(self._names, self._task.fittings, strict=True))
         for index, shape in enumerate(plan.shapes):
             for hold in shape.holds:
                 held = limits.get(hold.by)
