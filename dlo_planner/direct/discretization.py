@@ -28,7 +28,7 @@ from dlo_planner.energy.plastic import (
 )
 from dlo_planner.energy.problem import Problem, with_gripper
 from dlo_planner.energy.scene import Scene, build_scene
-from dlo_planner.energy.strands import Strands, no_strands
+from dlo_planner.energy.strands import NO_RAYS, Strands, no_strands
 from dlo_planner.energy.terms import TERMS, free_terms, structure_of
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.basis import equidistribute, orthonormal_basis, very_twisted
@@ -468,15 +468,21 @@ class Discretization(Value):
                 self.held_spring if holds else self.spring, *left)
 
     def _known_strands(self, memory: Memory) -> Strands:
-        """Return the Strands that a Memory knows of."""
+        """Return the Strands that a Memory knows of, but for what is behind grips."""
         pairs = self.pairs_at(memory.strands)
-        return Strands(pairs, np.array(memory.strands[:, 2]), self.radii[pairs].sum(axis=1),
-                       np.array(self.radii), self.pair_spring)
+        own = (pairs[:, 0] >= 0) & (pairs[:, 1] < self.s.size - 1)
+        return Strands(pairs[own], np.array(memory.strands[own, 2]),
+                       self.radii[pairs[own]].sum(axis=1), np.array(self.radii), NO_RAYS,
+                       self.pair_spring)
 
     def pairs_at(self, strands: Floats) -> Ints:
-        """Return (P, 2) the elements in which places of a Memory's `strands` are."""
-        pairs: Ints = np.clip(np.searchsorted(self.s, strands[:, :2], side='right') - 1, 0,
-                              self.s.size - 2)
+        """Return (P, 2) the strands in which places of a Memory's `strands` are.
+
+        They are elements, or -1 and N: what is straight behind the grips.
+        """
+        at, last = strands[:, :2], self.s.size - 2
+        pairs: Ints = np.clip(np.searchsorted(self.s, at, side='right') - 1, 0, last)
+        pairs[at < 0.0], pairs[at > self.s[-1]] = -1, last + 1
         return pairs
 
     @cached_property

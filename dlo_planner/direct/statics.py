@@ -46,6 +46,7 @@ from dlo_planner.direct.shape import (
     State,
     contacts_of,
     hinge_of,
+    moments_behind,
     self_contacts_of,
 )
 from dlo_planner.energy.ccd import sweeps_through
@@ -711,9 +712,13 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
     tangents, exact = NOWHERE, how.exact * mesh.s.item(-1)
     if memory is not None and not culled:
         places, tangents = read_only(memory.positions), read_only(memory.tangents)
+    if mesh.touches_itself:
+        from dlo_planner.direct.self_contact import kept_apart, rays_behind  # noqa: PLC0415  (few DLOs need it)
+        rays = rays_behind(gripper, holds, mesh.s.item(-1))
+        if full is not None:
+            full = full._replace(rays=rays)
     if mesh.touches_itself and not culled:
-        from dlo_planner.direct.self_contact import kept_apart  # noqa: PLC0415  (few DLOs need it)
-        system = mesh.system(gripper.rotation, gripper.position, memory, holds)
+        system = mesh.system(gripper.rotation, gripper.position, memory, holds)._replace(rays=rays)
 
         def solved(system: Problem, strains: Floats, how: Search) -> Solution:
             return _uninterrupted(solve_step(
@@ -805,15 +810,17 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     """Return the Shape of a Solution: all that simulators return are made here."""
     around, before = mesh.surroundings, memory or mesh.start
     hangs = mesh.hangs and not holds  # then the next step does not count from here
-    for one in end[:4]:
-        one.setflags(write=False)
-    if not hangs:
-        freeze(end[4:7] if culled else end[4:8])
     self_contacts: tuple[SelfContact, ...] = ()
     violation = max(end.violation, end.inside)
     if end.strands is not None:
         self_contacts, depth = self_contacts_of(mesh.s, end.positions, end.strands)
+        for at, moment in moments_behind(self_contacts, end.positions, mesh.s.item(-1)):
+            (end.wrenches[-1] if at else end.wrench)[3:] += moment
         violation = max(violation, depth)
+    for one in end[:4]:
+        one.setflags(write=False)
+    if not hangs:
+        freeze(end[4:7] if culled else end[4:8])
     bound = (around.pinned or holds or mesh.obstructed and not culled
              or end.strands is not None)
     reach = reach_of(mesh, spans_of(holds, gripper, mesh.s.item(-1))) if holds else np.inf

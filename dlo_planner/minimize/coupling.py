@@ -14,7 +14,7 @@ A Y^T + W^-1 (Haynsworth, 1968).
 import numpy as np
 
 from dlo_planner.energy.potential import project
-from dlo_planner.energy.strands import ROWS, pair_count, put_rows
+from dlo_planner.energy.strands import ROWS, nodes_of, pair_count, put_rows
 from dlo_planner.geometry.so3 import coefficients_in, columns_scaled, jacobians_with, matrix, times
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.dense import factorized
@@ -35,8 +35,7 @@ def fill_coupling(system, state, hessian, coupling):
     strands = system.effects.strands
     for p in range(pair_count(strands)):
         count = put_rows(strands, system, state, p, forces, weights)
-        i, j = strands.pair[p, 0], strands.pair[p, 1]
-        places[0], places[1], places[2], places[3] = i, i + 1, j, j + 1
+        places[0], places[1], places[2], places[3] = nodes_of(strands, n, p)
         for row in range(count):
             if abs(weights[row]) <= _NONE * abs(weights[0]):
                 continue

@@ -8,6 +8,7 @@ plectonemes are in the registry of validations (`benchmarks/strands.py`).
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
     DirectSimulator,
@@ -121,6 +122,41 @@ def test_what_is_found_is_kept_in_files(shapes, tmp_path):
     known = Shape.load(tmp_path / 'loop.npz')
     assert known.self_contacts == last.self_contacts
     assert known.history == last.history
+
+
+def walk(seed, steps):
+    """Return poses of a far end that is turned, led about and tilted at random."""
+    rng, turn, place = np.random.default_rng(seed), Rotation.identity(), np.array([0.4, 0, 0])
+    place[0] += 0.1 * rng.random()
+    twist, poses = Rotation.from_rotvec([0.6 * rng.choice([-1, 1]), 0, 0]), []
+    for k in range(steps):
+        turn = twist * turn if k else turn
+        if k > 3:
+            place = place + rng.normal(scale=0.02, size=3)
+            turn = Rotation.from_rotvec(rng.normal(scale=0.12, size=3)) * turn
+            place = place * min(1.0, 0.5 / np.linalg.norm(place))
+        poses.append(Pose.from_rotation(place, turn.as_matrix() @ GRIPPER.rotation))
+    return poses
+
+
+def test_what_falls_does_not_swing_past_the_back_of_a_grip():
+    # it did, and lost two turns: it comes to rest on what stands for that grip
+    poses = walk(19, 36)
+    found = simulator(self_contact=True).track([GRIPPER] * 36, far_ends=[*map(FarEnd, poses)])
+    assert all(one.converged for one in found)
+    assert all(one.passed_itself is False for one in found)
+    assert any(one.jumped for one in found)
+    turned = [(np.linalg.norm(Rotation.from_matrix(b.rotation @ a.rotation.T).as_rotvec()))
+              for a, b in zip(poses, poses[1:], strict=False)]
+    assert (np.abs(np.diff(links(found))) < np.array(turned) / np.pi).all()
+    last = found[-1]
+    assert any(one.other_s > LENGTH for one in last.self_contacts)
+    # the grip has its forces, and moments
+    total = last.gripper_wrench + last.far_wrench
+    total[3:] += np.cross(last.positions[-1] - last.positions[0], last.far_wrench[:3])
+    assert np.abs(total[:3]).max() < 1e-10
+    assert np.abs(total[3:]).max() < 1e-4 * np.abs(last.far_wrench[3:]).max()
+    assert last.section_forces.imbalance < 1e-8
 
 
 def test_what_does_not_bend_back_is_as_without():
