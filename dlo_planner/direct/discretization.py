@@ -383,9 +383,10 @@ class Discretization(Value):
     @cached_property
     def full(self) -> Problem:
         """The Problem with all that may act."""
-        if self.touches_itself:  # nothing else of what may act does
-            return self.free._replace(hold=self._no_holds, strands=no_strands(self.radii))
-        return self._with_terms(self.rod, self.surroundings.obstacles, self.section)
+        full = self._with_terms(self.rod, self.surroundings.obstacles, self.section)
+        if not self.touches_itself:
+            return full
+        return full._replace(strands=no_strands(np.array(self.radii), self.pair_spring))
 
     @cached_property
     def held(self) -> Problem:
@@ -405,7 +406,8 @@ class Discretization(Value):
         loads = {name: term.made(self.surroundings, self.s) for name, term in TERMS.items()
                  if hasattr(term, 'made')}
         return self.free._replace(elastic=elastic_part(rod), plastic=section, anchor=no_inertia(),
-                                  hold=self._no_holds, contact=Contact(scene, contacts), **loads)
+                                  hold=self._no_holds, contact=Contact(scene, contacts),
+                                  strands=no_strands(np.zeros(0), 0.0), **loads)
 
     @property
     def static(self) -> Problem:

@@ -106,6 +106,8 @@ def _kept_apart(mesh: Discretization, radii: Floats, known: dict[tuple[int, int]
     while True:
         strands = _near(lengths, strains, rays, positions, radii, known, spring)
         steps = _STEPS if len(strands.pair) else _FREE
+        if mesh.obstructed:
+            steps = how.steps
         end = solved(system._replace(strands=strands), strains,
                      how._replace(steps=steps, check=check))
         iterations, kicks = iterations + end.iterations, kicks + end.kicks
@@ -153,6 +155,18 @@ def _near(lengths: Floats, strains: Floats, rays: Floats, positions: Floats, rad
     pairs = _pairs(lengths, strains, rays, positions, radii, _WATCHED * float(radii.max()))
     forces = np.array([known.get((i, j), 0.0) for i, j in pairs.tolist()])
     return Strands(pairs, forces, _reaches(radii, pairs), radii, rays, spring)
+
+
+def springs_between(mesh: Discretization, gripper: Pose, holds: Holds, strains: Floats,
+                    positions: Floats) -> Strands:
+    """Return the Strands that bear on their springs alone at an instant of a motion.
+
+    Shapes: strains (N, 3), positions (N + 1, 3).
+    """
+    rays = rays_behind(gripper, holds, float(mesh.s[-1]))
+    pairs = _pairs(mesh.free.lengths, strains, rays, positions, mesh.radii, 0.0)
+    return Strands(pairs, np.zeros(len(pairs)), _reaches(mesh.radii, pairs), mesh.radii, rays,
+                   mesh.pair_spring)
 
 
 def _reaches(radii: Floats, pairs: Ints) -> Floats:

@@ -192,17 +192,6 @@ def self_contacts_of(s: Floats, positions: Floats,
     return tuple(sorted(found, key=lambda one: (one.s, one.other_s))), deepest
 
 
-def moments_behind(touching: tuple[SelfContact, ...], positions: Floats,
-                   length: float) -> list[tuple[int, Floats]]:
-    """Return the moments, about the ends of a DLO, of what touches straight behind them.
-
-    Each with the node that is the end, 0 or -1; N m, on the DLO. Shape: positions (N + 1, 3).
-    """
-    return [(node, sign * one.force * np.cross(one.position - positions[node], one.normal))
-            for one in touching for node, sign, behind in (
-                (0, -1.0, one.s < 0.0), (-1, 1.0, one.other_s > length)) if behind]
-
-
 class Feed(NamedTuple):
     """What is known of the rings that a DLO slides through, n of its A holds."""
 
@@ -783,7 +772,9 @@ class Shape(Pictured):
         heights = 0.125 * np.diff(self.s) ** 2 * bends  # of arcs over their chords
         places = [self._element_at(one.s)[0] for one in self.self_contacts] + [
             self._element_at(one.other_s)[0] for one in self.self_contacts]
-        return float(2.0 * heights[places].max() + _KEPT * self.s[-1])
+        # springs give in a motion
+        given = max(one.penetration for one in self.self_contacts) if self.converged else 0.0
+        return float(2.0 * heights[places].max() + given + _KEPT * self.s[-1])
 
     @cached_property
     def _near_itself(self) -> tuple[float, float]:
@@ -860,9 +851,11 @@ class Shape(Pictured):
                 places += [self.s[e], self.s[e + 1]]
                 wrenches += [[*(sign * share * one.force * one.normal), 0.0, 0.0, 0.0]
                              for share in (1.0 - t, t)]
-        for node, moment in moments_behind(self.self_contacts, self.positions, self.s.item(-1)):
-            places.append(self.s[node])
-            wrenches.append([0.0, 0.0, 0.0, *-moment])
+        for one in self.self_contacts:  # the grip has its moment, too
+            if one.other_s > self.s[-1]:
+                places.append(float(self.s[-1]))
+                wrenches.append([0.0, 0.0, 0.0, *np.cross(
+                    self.positions[-1] - one.position, one.force * one.normal)])
         beside = bool(self.contacts) and Surface.of(mesh.rod).half is not None
         found = section_forces(mesh, self.frame_at, self.gripper_wrench[:3],
                                (np.array(places), np.reshape(wrenches, (-1, 6))),

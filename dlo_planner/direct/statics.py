@@ -46,7 +46,6 @@ from dlo_planner.direct.shape import (
     State,
     contacts_of,
     hinge_of,
-    moments_behind,
     self_contacts_of,
 )
 from dlo_planner.energy.ccd import sweeps_through
@@ -152,10 +151,9 @@ def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepIn
             and (mesh.hangs or mesh.touches_itself or not how.holds or initial is not None)):
         shape = _searched(mesh, gripper, initial, how, past, start, culled=True)
         given_up = not shape.converged and how.most < np.inf  # then it is made in parts
-        if mesh.touches_itself and initial is not None and not given_up:
-            from dlo_planner.direct.self_contact import may_have_met  # noqa: PLC0415  (few need it)
-            if may_have_met(initial, shape):
-                shape = None
+        if (mesh.touches_itself and initial is not None and not given_up
+                and _may_have_met(initial, shape)):
+            shape = None
         if shape is not None and not (mesh.hangs or given_up
                                       or shape.converged and shape.state.culled):
             if mesh.touches_itself and initial is None and shape.converged:
@@ -302,13 +300,22 @@ def _may_come_out(mesh: Discretization, gripper: Pose, holds: Holds) -> bool:
 def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, strains: Floats,
                        past: Memory) -> Shape | None:
     """Return the Shape in which a DLO goes on bearing where it does, or None."""
-    if not mesh.may_hang or not past.in_contact:
+    if not mesh.may_hang or not past.in_contact or past.strands.size:
         return None
     end = _uninterrupted(follow_step(
         mesh.full, gripper.rotation, gripper.position, past.plastic, past.node_force, *past.points,
         past.positions, read_only(past.tangents), initial.gripper.rotation,
         initial.gripper.position, strains, TOLERANCE, EXACT * float(mesh.s[-1])))
-    return shape_from(mesh, gripper, end, past, (), False) if end.residual < np.inf else None
+    if not end.residual < np.inf:
+        return None
+    shape = shape_from(mesh, gripper, end, past, (), False)
+    return None if mesh.touches_itself and _may_have_met(initial, shape) else shape
+
+
+def _may_have_met(initial: Shape, shape: Shape) -> bool:
+    """Return whether strands may have met on the way between two Shapes."""
+    from dlo_planner.direct.self_contact import may_have_met  # noqa: PLC0415  (few need it)
+    return may_have_met(initial, shape)
 
 
 def past_of(mesh: Discretization, initial: Shape | None, memory: Memory | None) -> Memory:
@@ -814,8 +821,6 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     violation = max(end.violation, end.inside)
     if end.strands is not None:
         self_contacts, depth = self_contacts_of(mesh.s, end.positions, end.strands)
-        for at, moment in moments_behind(self_contacts, end.positions, mesh.s.item(-1)):
-            (end.wrenches[-1] if at else end.wrench)[3:] += moment
         violation = max(violation, depth)
     for one in end[:4]:
         one.setflags(write=False)

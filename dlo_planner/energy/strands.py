@@ -60,12 +60,16 @@ class Strands(Record):
     pair_spring: float    # N/m
 
 
-def no_strands(radii: Floats) -> Strands:
-    """Return the Strands of a DLO with elements of these radii (N,), of which none is near."""
-    return Strands(np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), radii, NO_RAYS, 0.0)
-
-
 NO_RAYS = np.zeros((2, 3))  # of a DLO with a free end
+
+
+def no_strands(radii: Floats, spring: float) -> Strands:
+    """Return the Strands of a DLO with elements of these radii (N,), of which none is near.
+
+    Without radii, (0,), nothing keeps its strands off each other. `spring` in N/m.
+    """
+    return Strands(np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), radii,
+                   NO_RAYS.copy(), spring)
 
 
 def needs(effect: Strands) -> dict[str, Any]:
@@ -207,6 +211,8 @@ def forbids(effect, system, before, after):
     """Whether a strand passes through another on the way between two states, or nearly does."""
     if effect is None:
         return False
+    if effect.strand_radius.size == 0:
+        return False
     lengths, rays, radii = system.lengths, effect.rays, effect.strand_radius
     found = np.empty((_MANY, 2), dtype=np.int64)
     count = near_pairs(lengths, after.strains, rays, after.positions, radii, 0.0, found)
@@ -218,8 +224,14 @@ def forbids(effect, system, before, after):
             if distance < known:
                 return True
     return (passes_itself(before.positions, after.positions)
-            or passes_ray(-rays[0], 0, before.positions, after.positions)
-            or passes_ray(rays[1], lengths.size, before.positions, after.positions))
+            or _pass_rays(rays, rays, before.positions, after.positions))
+
+
+@kernel
+def _pass_rays(before, after, positions, later_positions):
+    """Whether a DLO passes through what goes straight on behind its ends, by rays (2, 3)."""
+    return (passes_ray(-before[0], -after[0], 0, positions, later_positions)
+            or passes_ray(before[1], after[1], positions.shape[0] - 1, positions, later_positions))
 
 
 @kernel(forceinline=True)
@@ -231,12 +243,108 @@ def _reach(radii, i, j):
 
 @kernel
 def may_act(effect, system, strains, positions, before):
-    """Whether any two strands are in each other at a shape that was found without."""
+    """Whether two strands are in each other at a shape found without, or pass on the way there."""
     if effect is None:
         return False
+    if effect.strand_radius.size == 0:
+        return False
     found = np.empty((1, 2), dtype=np.int64)
-    return near_pairs(system.lengths, strains, effect.rays, positions, effect.strand_radius, 0.0,
-                      found) > 0
+    return (near_pairs(system.lengths, strains, effect.rays, positions, effect.strand_radius, 0.0,
+                       found) > 0
+            or passes_itself(before, positions)
+            or _pass_rays(effect.rays, effect.rays, before, positions))
+
+
+@kernel
+def watching(effect, lengths, strains, rays, positions, gap):
+    """Return the Strands of pairs nearer than both radii and a gap, m, that bear on springs alone.
+
+    Those of a step of a motion, in which springs store energy; itself where nothing bears.
+    """
+    if effect is None:
+        return effect
+    if effect.strand_radius.size == 0:
+        return effect
+    found = np.empty((_MANY, 2), dtype=np.int64)
+    count = near_pairs(lengths, strains, rays, positions, effect.strand_radius, gap, found)
+    if count > _MANY:
+        found = np.empty((count, 2), dtype=np.int64)
+        near_pairs(lengths, strains, rays, positions, effect.strand_radius, gap, found)
+    reaches = np.empty(count)
+    for p in range(count):
+        reaches[p] = _reach(effect.strand_radius, found[p, 0], found[p, 1])
+    return Strands(found[:count].copy(), np.zeros(count), reaches, effect.strand_radius, rays,
+                   effect.pair_spring)
+
+
+@kernel
+def spring_energy(effect, system, state, rays):
+    """Return the energy in J in springs of all that is nearer than both radii at a Configuration.
+
+    It has strains and positions; `rays` (2, 3) as of Strands.
+    """
+    if effect is None:
+        return 0.0
+    near, energy = watching(effect, system.lengths, state[0], rays, state[1], 0.0), 0.0
+    for p in range(near.pair.shape[0]):
+        _, _, distance = nearest_points(system.lengths, rays, state[1], near.pair[p, 0],
+                                        near.pair[p, 1])
+        energy += 0.5 * effect.pair_spring * (near.pair_reach[p] - distance) ** 2
+    return energy
+
+
+@kernel
+def escapes(effect, system, rays_before, before, state):
+    """Whether a step of a motion leads strands into each other that were not watched, or through.
+
+    Args:
+        rays_before, before: (2, 3), (N + 1, 3) of the beginning, relative to the gripper, m
+        state: Configuration at its end
+    """
+    if effect is None:
+        return False
+    if effect.strand_radius.size == 0:
+        return False
+    near, known = watching(effect, system.lengths, state.strains, effect.rays, state.positions,
+                           0.0), 0
+    for p in range(near.pair.shape[0]):
+        for w in range(effect.pair.shape[0]):
+            if (effect.pair[w, 0] == near.pair[p, 0] and effect.pair[w, 1] == near.pair[p, 1]):
+                known += 1
+    return (known < near.pair.shape[0] or passes_itself(before, state.positions)
+            or _pass_rays(rays_before, effect.rays, before, state.positions))
+
+
+@kernel
+def add_moments_behind(effect, system, state, wrench, wrenches):
+    """Add the moments of what bears behind grips to wrenches (6,) and (A, 6) of gripper and holds.
+
+    Its forces these have, as if it acted on the ends of the DLO.
+    """
+    if effect is None:
+        return
+    n, positions = system.lengths.size, state.positions
+    for p in range(effect.pair.shape[0]):
+        i, j = effect.pair[p, 0], effect.pair[p, 1]
+        if i >= 0 and j < n:
+            continue
+        s, t, distance = nearest_points(system.lengths, effect.rays, positions, i, j)
+        force = bears(effect, p, distance)
+        if force == 0.0 or distance < _TINY * effect.pair_reach[p]:
+            continue
+        lever, along = np.empty(3), np.empty(3)
+        for k in range(3):
+            begin, u = _component(effect.rays, positions, i, k)
+            other_begin, v = _component(effect.rays, positions, j, k)
+            along[k] = force * (begin + s * u - other_begin - t * v) / distance
+            lever[k] = ((s - 1.0) * effect.rays[0, k] if i < 0 else t * effect.rays[1, k])
+        for k in range(3):
+            a, b = (k + 1) % 3, (k + 2) % 3
+            moment = lever[a] * along[b] - lever[b] * along[a]
+            if i < 0:
+                wrench[3 + k] -= moment
+            else:
+                wrenches[wrenches.shape[0] - 1, 3 + k] += moment
 
 
 @kernel

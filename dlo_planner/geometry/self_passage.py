@@ -74,20 +74,20 @@ def passes_itself(before: Floats, after: Floats) -> bool:
 
 
 @kernel
-def passes_ray(ray: Floats, node: int, before: Floats, after: Floats) -> bool:
+def passes_ray(ray: Floats, later_ray: Floats, node: int, before: Floats, after: Floats) -> bool:
     """Return whether the polygon through nodes (N + 1, 3) passes through a straight line.
 
-    The line leaves one of its ends, node 0 or N, by `ray` (3,), m, and moves with it; there is none
-    if that is zero.
+    The line leaves one of its ends, node 0 or N, by `ray` (3,), m, before, and by `later_ray`
+    after; there is none if that is zero.
     """
     n = before.shape[0] - 1
     size = np.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)
     if size == 0.0:
         return False
     begin, end = np.empty((4, 3)), np.empty((4, 3))
-    for points, nodes in ((begin, before), (end, after)):
-        for k in range(3):
-            points[0, k], points[1, k] = nodes[node, k], nodes[node, k] + ray[k]
+    for k in range(3):
+        begin[0, k], begin[1, k] = before[node, k], before[node, k] + ray[k]
+        end[0, k], end[1, k] = after[node, k], after[node, k] + later_ray[k]
     for e in range(n):
         if e == node or e + 1 == node:
             continue

@@ -29,6 +29,9 @@ def fill_coupling(system, state, hessian, coupling):
     """Fill rows and weights of all pairs that bear at `state`."""
     if coupling is None:
         return
+    coupling.used[0] = 0
+    if pair_count(system.effects.strands) == 0:
+        return
     n, used = system.lengths.size, 0
     forces, weights = np.empty((ROWS, 4, 3)), np.empty(ROWS)
     values, places = np.empty((n, 3)), np.empty(4, dtype=np.int64)
@@ -130,6 +133,8 @@ def correct_for_pairs(coupling, out):
     if coupling is None:
         return
     used = coupling.used[0]
+    if used == 0:
+        return
     missed = np.empty(used)
     for row in range(used):
         missed[row] = dot(coupling.rows[row], out)
@@ -144,6 +149,8 @@ def subtract_coupled(coupling, loads, products):
     if coupling is None:
         return
     used, size = coupling.used[0], products.shape[0]
+    if used == 0:
+        return
     moved = np.empty((used, size))
     for row in range(used):
         moved[row] = dots(loads, coupling.answers[row])

@@ -96,13 +96,13 @@ def test_passages_through_what_goes_straight_on_are_those_of_one_more_chord(rng)
         after = before + rng.normal(size=before.shape) * rng.choice([0.1, 0.3])
         ray = 4.0 * rng.normal(size=3)
         longer = [np.vstack([points, points[-1] + ray]) for points in (before, after)]
-        passes = passes_ray(ray, 7, before, after)
+        passes = passes_ray(ray, ray, 7, before, after)
         if not passes_itself(before, after):
             assert passes == passes_itself(*longer)
-        assert passes_ray(ray, 0, before[::-1].copy(), after[::-1].copy()) == passes
+        assert passes_ray(ray, ray, 0, before[::-1].copy(), after[::-1].copy()) == passes
         found += passes
     assert found > 4
-    assert not passes_ray(np.zeros(3), 7, before, after)
+    assert not passes_ray(np.zeros(3), np.zeros(3), 7, before, after)
 
 
 def test_passages_are_those_of_a_plain_look_at_many_instants(rng):
