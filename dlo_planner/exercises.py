@@ -222,7 +222,9 @@ def strands() -> None:
         direct = DirectSimulator(loop, basis=basis, n_elements=24, n_terms=12, self_contact=True)
         shape = direct.solve(_LEVEL)
         end = FarEnd(Pose.from_rotation(shape.positions[-1], shape.frames[-1]))
-        direct.solve(_TILTED, direct.solve(_LEVEL, shape, far_end=end))
+        held = direct.solve(_LEVEL, shape, far_end=end)
+        direct.solve(_TILTED, held, far_end=end)
+    direct.simulate([_LEVEL] * 3, 1e-3, initial=held, far_ends=[end] * 3)
 
 
 def seen() -> None:

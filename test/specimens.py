@@ -260,7 +260,7 @@ def arguments():
            for kind in ('Shapes', 'parallel.Shapes') for name in (
             's', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'energy',
             'elastic_energy', 'dissipated', 'residual', 'stability', 'violation', 'iterations',
-            'converged', 'jumped', 'contact_table')},
+            'converged', 'jumped', 'contact_table', 'self_contact_table')},
         'grid': capability().grid, 'inverse': known['InverseSimulator'], 'starts': (),
         'parallel.capability_map.folder': None, 'folder': 'map', 'patience': 2.0, 'axis': 'y',
         'quantity': 'share',

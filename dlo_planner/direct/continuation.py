@@ -108,8 +108,10 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
         if tried is None or last and tried.state.kicks:
             tried = solve(goal.gripper, previous, goal.holds, most)
         shape = tried
+        # (what is straight behind a grip goes with it, and may be stopped by the DLO)
+        swept = shape.state.mesh is not None and shape.state.mesh.touches_itself
         if not (shape.converged or shape.state.kicks) and (
-                shape.jumped or goal.holds and halvings is None):
+                shape.jumped or goal.holds and halvings is None and not swept):
             return shape  # it went in parts already: the way is blocked, or out of reach
         good, touches = sound(previous, shape, way), bool(previous.contacts or shape.contacts)
         if good and (last or not _changes(previous, shape)):

@@ -28,7 +28,7 @@ from dlo_planner.energy.plastic import (
 )
 from dlo_planner.energy.problem import Problem, with_gripper
 from dlo_planner.energy.scene import Scene, build_scene
-from dlo_planner.energy.strands import Strands, no_strands
+from dlo_planner.energy.strands import NO_RAYS, Strands, no_strands
 from dlo_planner.energy.terms import TERMS, free_terms, structure_of
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.basis import equidistribute, orthonormal_basis, very_twisted
@@ -383,9 +383,10 @@ class Discretization(Value):
     @cached_property
     def full(self) -> Problem:
         """The Problem with all that may act."""
-        if self.touches_itself:  # nothing else of what may act does
-            return self.free._replace(hold=self._no_holds, strands=no_strands(self.radii))
-        return self._with_terms(self.rod, self.surroundings.obstacles, self.section)
+        full = self._with_terms(self.rod, self.surroundings.obstacles, self.section)
+        if not self.touches_itself:
+            return full
+        return full._replace(strands=no_strands(np.array(self.radii), self.pair_spring))
 
     @cached_property
     def held(self) -> Problem:
@@ -405,7 +406,8 @@ class Discretization(Value):
         loads = {name: term.made(self.surroundings, self.s) for name, term in TERMS.items()
                  if hasattr(term, 'made')}
         return self.free._replace(elastic=elastic_part(rod), plastic=section, anchor=no_inertia(),
-                                  hold=self._no_holds, contact=Contact(scene, contacts), **loads)
+                                  hold=self._no_holds, contact=Contact(scene, contacts),
+                                  strands=no_strands(np.zeros(0), 0.0), **loads)
 
     @property
     def static(self) -> Problem:
@@ -468,15 +470,21 @@ class Discretization(Value):
                 self.held_spring if holds else self.spring, *left)
 
     def _known_strands(self, memory: Memory) -> Strands:
-        """Return the Strands that a Memory knows of."""
+        """Return the Strands that a Memory knows of, but for what is behind grips."""
         pairs = self.pairs_at(memory.strands)
-        return Strands(pairs, np.array(memory.strands[:, 2]), self.radii[pairs].sum(axis=1),
-                       np.array(self.radii), self.pair_spring)
+        own = (pairs[:, 0] >= 0) & (pairs[:, 1] < self.s.size - 1)
+        return Strands(pairs[own], np.array(memory.strands[own, 2]),
+                       self.radii[pairs[own]].sum(axis=1), np.array(self.radii), NO_RAYS,
+                       self.pair_spring)
 
     def pairs_at(self, strands: Floats) -> Ints:
-        """Return (P, 2) the elements in which places of a Memory's `strands` are."""
-        pairs: Ints = np.clip(np.searchsorted(self.s, strands[:, :2], side='right') - 1, 0,
-                              self.s.size - 2)
+        """Return (P, 2) the strands in which places of a Memory's `strands` are.
+
+        They are elements, or -1 and N: what is straight behind the grips.
+        """
+        at, last = strands[:, :2], self.s.size - 2
+        pairs: Ints = np.clip(np.searchsorted(self.s, at, side='right') - 1, 0, last)
+        pairs[at < 0.0], pairs[at > self.s[-1]] = -1, last + 1
         return pairs
 
     @cached_property

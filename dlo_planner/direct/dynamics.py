@@ -65,9 +65,6 @@ def refuse_motion(around: Surroundings, strains: str) -> None:
     if around.pinned:
         raise InvalidTask('grip = \'pinned\': expected a simulator whose gripper clamps the '
                           'DLO where motions are simulated')
-    if around.self_contact:
-        raise InvalidTask('self_contact = True: expected a simulator without where motions are '
-                          'simulated')
     if strains != 'components':
         raise InvalidTask(f'strains = {strains!r}: expected a simulator with \'components\' '
                           'where motions are simulated')

@@ -32,7 +32,9 @@ from dlo_planner.energy.problem import (
     new_configuration,
     unknown_count,
 )
+from dlo_planner.energy.strands import ROWS, escapes, spring_energy, watching
 from dlo_planner.energy.terms import (
+    Coupling,
     may_act,
     may_forbid,
     potential,
@@ -76,6 +78,9 @@ AFTER = 4            # steps since an impact until the scheme is as ever
 _LANDING = 1e-6      # of the length: what comes nearer to an obstacle by more in a step lands there
 _GRAZING = 0.02      # rad: so it may come nearer where it slides along what is curved
 _EXACT = 1e-4        # relative error of an eigenvalue
+# Pairs of strands are watched that may come to bear in a step: as far as both can move, with so
+# many times the speed that they have, and as near as that, of the radius, beyond both radii
+_WAYS, _WATCHED = 3.0, 0.5
 ELASTIC, STATIC, KINETIC, WORK, DAMPED, DISSIPATED, FRICTION_LOSS, CONTACT_WORK = range(8)
 
 
@@ -376,6 +381,8 @@ def implicit_step(system: Problem, how: SchemeCoefficients, buffer: StepBuffer, 
         return False
     state, residual, stability, iterations, loaded, violation = _minimum(
         system.effects.contact, problem, how, q, buffer, row, memory, options, check)
+    if _escapes(problem.effects.strands, problem, buffer, row, state):
+        residual = np.inf
     return record_step(how, loaded, state, buffer, row, memory, residual, stability, iterations,
                        violation, options)
 
@@ -397,8 +404,54 @@ def step_problem(system: Problem, how: SchemeCoefficients, buffer: StepBuffer, r
     for e in range(bent.shape[0]):
         for i in range(3):
             bent[e, i] -= rate[e, i] / how.velocity_gain
-    return incremental_potential(_remembering(system, buffer, row, memory, options), how, where,
-                                 bent, buffer.bases[row], origin)
+    drawn = incremental_potential(_remembering(system, buffer, row, memory, options), how, where,
+                                  bent, buffer.bases[row], origin)
+    return _with_strands(system.effects.strands, drawn, how, buffer, row, memory)
+
+
+@kernel
+def _with_strands(strands, problem, how, buffer, row, memory):
+    """Return the same Problem with the pairs of strands that may come to bear in the step."""
+    if strands is None:
+        return problem
+    if strands.strand_radius.size == 0:
+        return problem
+    farthest = 0.0
+    for k in range(buffer.nodes.shape[2]):
+        square = 0.0
+        for i in range(3):
+            square += buffer.nodes[1, memory, k, i] ** 2
+        farthest = max(farthest, how.dt * np.sqrt(square))
+    near = watching(strands, problem.lengths, buffer.bends[0, memory],
+                    _rays(problem, strands, buffer, row), buffer.nodes[0, memory],
+                    _WAYS * farthest + _WATCHED * np.max(strands.strand_radius))
+    most, needs = ROWS * near.pair.shape[0], problem.needs
+    coupling = Coupling(np.empty((most, 0, 3)), np.empty((most, 0, 3)), np.empty(most),
+                        np.empty((0, 0)), np.zeros(1, dtype=np.int64))
+    return replaced(problem, 'effects', replaced(problem.effects, 'strands', near),
+                    'needs', replaced(needs, 'coupling', coupling))
+
+
+@kernel
+def _rays(problem, strands, buffer, row):
+    """Return the rays (2, 3) of Strands with the grips of a row; zeros where there are none."""
+    rays, length = np.zeros((2, 3)), np.sum(problem.lengths)
+    if buffer.axes.shape[1] and np.any(strands.rays != 0.0):
+        for i in range(3):
+            rays[0, i] = length * buffer.bases[row, i, 0]
+            rays[1, i] = length * buffer.axes[row, buffer.axes.shape[1] - 1, i, 0]
+    return rays
+
+
+@kernel
+def _escapes(strands, problem, buffer, row, state):
+    """Whether the DLO passes through itself, or touches unwatched, from the row before to here."""
+    if strands is None:
+        return False
+    if strands.strand_radius.size == 0:
+        return False
+    before = buffer.nodes[0, row - 1] - buffer.origins[row - 1]
+    return escapes(strands, problem, _rays(problem, strands, buffer, row - 1), before, state)
 
 
 @kernel
@@ -629,7 +682,8 @@ def account(system, how, outer, buffer, row, options):
     elastic = stored(system.effects, system, bends[0, row]) + _stored_plastic(
         system.effects.plastic, system, buffer, row)
     energies[row, ELASTIC] = elastic
-    energies[row, STATIC] = elastic + potential(system.effects, system, nodes[0, row])
+    energies[row, STATIC] = (elastic + potential(system.effects, system, nodes[0, row])
+                             + _strand_energy(system.effects.strands, system, buffer, row))
     energies[row, KINETIC] = _kinetic(how, nodes, row)
     energies[row, WORK] = energies[row - 1, WORK] + _work(how, buffer, row, options)
     damped = _damping_work(system, how, nodes, bends, row)
@@ -691,6 +745,17 @@ def _stored_plastic(plastic, system, buffer, row):
         return 0.0
     return add_plastic(system.lengths, buffer.bends[0, row], system.natural,
                        with_set(plastic, buffer.plastic[row]), np.zeros(system.natural.shape))
+
+
+@kernel
+def _strand_energy(strands, system, buffer, row):
+    """Return the energy in the springs between strands in a row, J."""
+    if strands is None:
+        return 0.0
+    if strands.strand_radius.size == 0:
+        return 0.0
+    return spring_energy(strands, system, (buffer.bends[0, row], buffer.nodes[0, row]),
+                         _rays(system, strands, buffer, row))
 
 
 @kernel

@@ -15,13 +15,15 @@ import numpy as np
 
 from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.direct.search import KEPT, Search
-from dlo_planner.direct.self_passage import bends_little
+from dlo_planner.direct.self_passage import TURNING, bends_little
 from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.problem import Problem
-from dlo_planner.energy.strands import Strands, bears, near_pairs, nearest_points
+from dlo_planner.energy.strands import NO_RAYS, Strands, bears, near_pairs, nearest_points
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.holds import Holds
+from dlo_planner.model.pose import Pose
 
 # Steps of Newton's method: until pairs are looked for anew, the same where none are near, and in
 # all, in steps of a search: a DLO that falls winds itself up bit by bit
@@ -57,9 +59,20 @@ def may_have_met(previous: Shape, shape: Shape) -> bool:
         return False
     before, after = ((one - one[0]) @ frame for one, frame in (
         (places, previous.frames[0]), (shape.positions, shape.frames[0])))
-    moved = float(np.linalg.norm(after - before, axis=1).max())
-    return any(len(_pairs(mesh.free.lengths, bends, one, mesh.radii, 2.0 * moved))
-               for one, bends in ((before, strains), (after, shape.element_strains)))
+    behind, then = (rays_behind(one.gripper, one.holds, float(mesh.s[-1])) @ one.frames[0]
+                    for one in (previous, shape))
+    moved = max(float(np.linalg.norm(b - a, axis=1).max())
+                for a, b in ((before, after), (behind, then)))
+    return any(len(_pairs(mesh.free.lengths, bends, rays, one, mesh.radii, 2.0 * moved))
+               for one, bends, rays in ((before, strains, behind),
+                                        (after, shape.element_strains, then)))
+
+
+def rays_behind(gripper: Pose, holds: Holds, length: float) -> Floats:
+    """Return the `Strands.rays` of a DLO of a length, m, in these grips."""
+    if not holds or holds[-1].s is not None or holds[-1].grip not in TURNING:
+        return NO_RAYS
+    return length * np.array([gripper.rotation[:, 0], holds[-1].pose.rotation[:, 0]])
 
 
 def kept_apart(mesh: Discretization, memory: Memory, system: Problem, strains: Floats, how: Search,
@@ -70,7 +83,7 @@ def kept_apart(mesh: Discretization, memory: Memory, system: Problem, strains: F
     Solution that a Search reaches from strains (N, 3). Where strands are deep in each other at
     first, as of a DLO that is set down, they are thin and grow.
     """
-    pairs = _pairs_at(mesh, system, strains, mesh.radii)
+    pairs = _pairs_at(mesh, system, strains)
     known = {(i, j): force for (i, j), force in zip(
         mesh.pairs_at(memory.strands).tolist(), memory.strands[:, 2].tolist(), strict=True)}
     thick = min([1.0, *(distance / reach for distance, reach in pairs)])
@@ -87,12 +100,14 @@ def _kept_apart(mesh: Discretization, radii: Floats, known: dict[tuple[int, int]
                 system: Problem, strains: Floats, how: Search,
                 solved: Callable[[Problem, Floats, Search], Solution]) -> Solution:
     """Return what `kept_apart` does of strands with these radii (N,) and known forces, N."""
-    lengths, spring = mesh.free.lengths, mesh.pair_spring
+    lengths, rays, spring = mesh.free.lengths, system.rays, mesh.pair_spring
     positions = _places(system, strains)
     length, left, check, iterations, kicks = float(mesh.s[-1]), np.inf, False, 0, 0
     while True:
-        strands = _near(lengths, strains, positions, radii, known, spring)
+        strands = _near(lengths, strains, rays, positions, radii, known, spring)
         steps = _STEPS if len(strands.pair) else _FREE
+        if mesh.obstructed:
+            steps = how.steps
         end = solved(system._replace(strands=strands), strains,
                      how._replace(steps=steps, check=check))
         iterations, kicks = iterations + end.iterations, kicks + end.kicks
@@ -105,7 +120,7 @@ def _kept_apart(mesh: Discretization, radii: Floats, known: dict[tuple[int, int]
                 spring = min(_STIFFER * spring, _STIFFEST * mesh.pair_spring)
             known, left = borne, off
         watched = {tuple(pair) for pair in strands.pair.tolist()}
-        inside = _pairs(lengths, strains, positions, radii, 0.0)
+        inside = _pairs(lengths, strains, rays, positions, radii, 0.0)
         if (end.stationary and end.violation <= KEPT * length and off <= _EXACT * length
                 and all(tuple(pair) in watched for pair in inside.tolist())):
             if check or not how.check:
@@ -124,32 +139,52 @@ def _places(system: Problem, strains: Floats) -> Floats:
     return places
 
 
-def _pairs_at(mesh: Discretization, system: Problem, strains: Floats,
-              radii: Floats) -> list[tuple[float, float]]:
+def _pairs_at(mesh: Discretization, system: Problem,
+              strains: Floats) -> list[tuple[float, float]]:
     """Return distance and sum of radii, m, of the pairs that are in each other."""
-    lengths, places = mesh.free.lengths, _places(system, strains)
-    return [(float(nearest_points(lengths, places, i, j)[2]), float(radii[i] + radii[j]))
-            for i, j in _pairs(lengths, strains, places, radii, 0.0).tolist()]
+    lengths, places, rays = mesh.free.lengths, _places(system, strains), system.rays
+    pairs = _pairs(lengths, strains, rays, places, mesh.radii, 0.0)
+    return [(float(nearest_points(lengths, rays, places, i, j)[2]), reach)
+            for (i, j), reach in zip(pairs.tolist(), _reaches(mesh.radii, pairs).tolist(),
+                                     strict=True)]
 
 
-def _near(lengths: Floats, strains: Floats, positions: Floats, radii: Floats,
+def _near(lengths: Floats, strains: Floats, rays: Floats, positions: Floats, radii: Floats,
           known: dict[tuple[int, int], float], spring: float) -> Strands:
     """Return the Strands of pairs that are near, with the forces that are known."""
-    pairs = _pairs(lengths, strains, positions, radii, _WATCHED * float(radii.max()))
+    pairs = _pairs(lengths, strains, rays, positions, radii, _WATCHED * float(radii.max()))
     forces = np.array([known.get((i, j), 0.0) for i, j in pairs.tolist()])
-    return Strands(pairs, forces, radii[pairs].sum(axis=1), radii, spring)
+    return Strands(pairs, forces, _reaches(radii, pairs), radii, rays, spring)
 
 
-def _pairs(lengths: Floats, strains: Floats, positions: Floats, radii: Floats,
+def springs_between(mesh: Discretization, gripper: Pose, holds: Holds, strains: Floats,
+                    positions: Floats) -> Strands:
+    """Return the Strands that bear on their springs alone at an instant of a motion.
+
+    Shapes: strains (N, 3), positions (N + 1, 3).
+    """
+    rays = rays_behind(gripper, holds, float(mesh.s[-1]))
+    pairs = _pairs(mesh.free.lengths, strains, rays, positions, mesh.radii, 0.0)
+    return Strands(pairs, np.zeros(len(pairs)), _reaches(mesh.radii, pairs), mesh.radii, rays,
+                   mesh.pair_spring)
+
+
+def _reaches(radii: Floats, pairs: Ints) -> Floats:
+    """Return (P,) the sums of the radii of pairs of strands, m."""
+    sums: Floats = radii[np.clip(pairs, 0, radii.size - 1)].sum(axis=1)
+    return sums
+
+
+def _pairs(lengths: Floats, strains: Floats, rays: Floats, positions: Floats, radii: Floats,
            gap: float) -> Ints:
     """Return (P, 2) the pairs nearer than both radii and a gap, m."""
     # (what could be written, and what not, are two types for kernels)
-    copied, strained, placed = np.array(lengths), np.array(strains), np.array(positions)
+    copied, strained, behind, placed = map(np.array, (lengths, strains, rays, positions))
     found = np.empty((4 * lengths.size, 2), dtype=np.int64)
-    count = near_pairs(copied, strained, placed, radii, gap, found)
+    count = near_pairs(copied, strained, behind, placed, radii, gap, found)
     if count > len(found):
         found = np.empty((count, 2), dtype=np.int64)
-        near_pairs(copied, strained, placed, radii, gap, found)
+        near_pairs(copied, strained, behind, placed, radii, gap, found)
     return found[:count]
 
 
@@ -158,7 +193,7 @@ def _borne(lengths: Floats, positions: Floats,
     """Return the forces of pairs, N, and by how much the springs still bear, m."""
     known, off = {}, 0.0
     for p, (i, j) in enumerate(strands.pair.tolist()):
-        distance = nearest_points(lengths, positions, i, j)[2]
+        distance = nearest_points(lengths, strands.rays, positions, i, j)[2]
         force = float(bears(strands, p, distance))
         off = max(off, abs(force - float(strands.pair_force[p])) / strands.pair_spring)
         if force > 0.0:

@@ -18,7 +18,7 @@ from dlo_planner.geometry.writhe import link
 from dlo_planner.model.pose import angle_between
 from dlo_planner.model.value import read_only
 
-_TURNING = 'clamped', 'sleeve'  # grips of the far end with which it turns
+TURNING = 'clamped', 'sleeve'  # grips of the far end with which it turns
 _TILTS = 0.0, 1.0, -1.0  # rad: of what closes it; what swings past a grip's back passes one of them
 _KNOWN = 1.0   # rad: grips that turn by more in a fall may have changed the link by a passage's
 
@@ -35,14 +35,15 @@ def passed_between(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
 
 def has_passed(previous: Shape, shape: Shape, jumped: bool) -> bool | float:
     """Return what `passed_between` does, where one of two Shapes may bend back."""
-    if jumped and _is_turned(previous) and _is_turned(shape):
+    swept = _is_swept(shape)
+    if (jumped or swept) and _is_turned(previous) and _is_turned(shape):
         if _turned_by(previous, shape) > _KNOWN:
             return np.nan
-        changed = [abs(_link(shape, tilt) - _link(previous, tilt)) > 1.0 for tilt in _TILTS]
-        if len(set(changed)) > 1 or changed[0] and _is_swept(shape):
-            return np.nan  # it may have swung past the back of a grip
-        return changed[0]
-    if _is_swept(shape):
+        changed = [abs(_link(shape, tilt) - _link(previous, tilt)) > 1.0
+                   for tilt in (_TILTS[:1] if swept else _TILTS)]
+        # else it may have swung past the back of a grip
+        return changed[0] if len(set(changed)) == 1 else np.nan
+    if swept:
         return False
     if previous.s is shape.s or np.array_equal(previous.s, shape.s):
         strains, positions = previous.element_strains, previous.positions
@@ -66,14 +67,17 @@ def bends_little(shape: Shape) -> bool:
 
 
 def _is_swept(shape: Shape) -> bool:
-    """Whether the search for a Shape has swept each of its steps: it does not pass itself."""
+    """Whether the search for a Shape has swept each of its steps.
+
+    It passes neither itself nor what is straight behind its grips, but where these move.
+    """
     return shape.state.mesh is not None and shape.state.mesh.touches_itself
 
 
 def _is_turned(shape: Shape) -> bool:
     """Whether both ends of a Shape turn with what holds them."""
     return (not shape.pinned and shape.parts is None and shape.far_end is not None
-            and shape.far_end.grip in _TURNING)
+            and shape.far_end.grip in TURNING)
 
 
 def _turned_by(previous: Shape, shape: Shape) -> float:

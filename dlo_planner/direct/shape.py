@@ -136,9 +136,11 @@ class SelfContact(Value):
     Attributes
     ----------
     s : float
-        Arc length of the place, m.
+        Arc length of the place, m. Between two grips that turn the DLO, what goes straight on
+        behind both stands for these: below 0 it is that part of the gripper.
     other_s : float
-        Arc length of the place beyond it that it touches, m.
+        Arc length of the place beyond it that it touches, m; beyond the length it is on what stands
+        for the far end's grip.
     position : ndarray, shape (3,)
         Point of the DLO's axis at s, on the chord of its element, m, world.
     normal : ndarray, shape (3,)
@@ -172,17 +174,21 @@ def self_contacts_of(s: Floats, positions: Floats,
                      strands: Strands) -> tuple[tuple[SelfContact, ...], float]:
     """Return the SelfContacts, by arc length, of nodes s (N + 1,), and the largest depth, m."""
     found, deepest, lengths = [], 0.0, np.diff(s)
+    along = np.diff(s, prepend=s[0] - s[-1], append=2.0 * s[-1])
+    at = np.array([s[0] - s[-1], *s])
+    places = np.array([positions[0] - strands.rays[0], *positions,
+                       positions[-1] + strands.rays[1]])
     for p, (i, j) in enumerate(strands.pair.tolist()):
-        a, b, distance = nearest_points(lengths, positions, i, j)
+        a, b, distance = nearest_points(lengths, strands.rays, positions, i, j)
         force = float(bears(strands, p, distance))
         depth = max(float(strands.pair_reach[p]) - distance, 0.0)
         deepest = max(deepest, depth)
         if force > 0.0:
-            place, away = ((1.0 - t) * positions[e] + t * positions[e + 1]
+            place, away = ((1.0 - t) * places[e + 1] + t * places[e + 2]
                            for e, t in ((i, a), (j, b)))
             apart = place - away
-            found.append(SelfContact(s[i] + a * lengths[i], s[j] + b * lengths[j], place,
-                                     apart / np.linalg.norm(apart), force, depth))
+            found.append(SelfContact(at[i + 1] + a * along[i + 1], at[j + 1] + b * along[j + 1],
+                                     place, apart / np.linalg.norm(apart), force, depth))
     return tuple(sorted(found, key=lambda one: (one.s, one.other_s))), deepest
 
 
@@ -322,7 +328,7 @@ class Shape(Pictured):
         shape that is beyond such a passage is none that a DLO comes to. nan where that is not
         known: of a fall, whose way nobody knows, unless both ends are clamped or in a sleeve. Then
         twist and writhe tell, as no way changes their sum but through itself, or past the back of a
-        grip. Of a simulator with `self_contact` it is never True; nan where that sum has changed.
+        grip. Of a simulator with `self_contact` it is True where grips moved through the DLO.
     state : State
         What it leaves to the next step, besides what is listed above; opaque.
     """
@@ -766,7 +772,9 @@ class Shape(Pictured):
         heights = 0.125 * np.diff(self.s) ** 2 * bends  # of arcs over their chords
         places = [self._element_at(one.s)[0] for one in self.self_contacts] + [
             self._element_at(one.other_s)[0] for one in self.self_contacts]
-        return float(2.0 * heights[places].max() + _KEPT * self.s[-1])
+        # springs give in a motion
+        given = max(one.penetration for one in self.self_contacts) if self.converged else 0.0
+        return float(2.0 * heights[places].max() + given + _KEPT * self.s[-1])
 
     @cached_property
     def _near_itself(self) -> tuple[float, float]:
@@ -839,10 +847,15 @@ class Shape(Pictured):
         wrenches = [[*one.vector, 0.0, 0.0, 0.0] for one in self.contacts] + [*self.wrenches]
         for at, sign in (('s', 1.0), ('other_s', -1.0)):
             for one in self.self_contacts:  # on the nodes of its element
-                e, t = self._element_at(getattr(one, at))
+                e, t = self._element_at(min(max(getattr(one, at), 0.0), float(self.s[-1])))
                 places += [self.s[e], self.s[e + 1]]
                 wrenches += [[*(sign * share * one.force * one.normal), 0.0, 0.0, 0.0]
                              for share in (1.0 - t, t)]
+        for one in self.self_contacts:  # the grip has its moment, too
+            if one.other_s > self.s[-1]:
+                places.append(float(self.s[-1]))
+                wrenches.append([0.0, 0.0, 0.0, *np.cross(
+                    self.positions[-1] - one.position, one.force * one.normal)])
         beside = bool(self.contacts) and Surface.of(mesh.rod).half is not None
         found = section_forces(mesh, self.frame_at, self.gripper_wrench[:3],
                                (np.array(places), np.reshape(wrenches, (-1, 6))),

@@ -104,7 +104,7 @@ class DirectSimulator(Value):
         without a shape before.
     self_contact : bool, optional
         Whether strands of the DLO keep each other off, without friction (`Shape.self_contacts`):
-        of a DLO with a radius in clamped grips, at rest and without obstacles.
+        of a round, elastic DLO with a radius, in clamped grips. In motions they are springs.
 
     Attributes
     ----------

@@ -151,10 +151,9 @@ def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepIn
             and (mesh.hangs or mesh.touches_itself or not how.holds or initial is not None)):
         shape = _searched(mesh, gripper, initial, how, past, start, culled=True)
         given_up = not shape.converged and how.most < np.inf  # then it is made in parts
-        if mesh.touches_itself and initial is not None and not given_up:
-            from dlo_planner.direct.self_contact import may_have_met  # noqa: PLC0415  (few need it)
-            if may_have_met(initial, shape):
-                shape = None
+        if (mesh.touches_itself and initial is not None and not given_up
+                and _may_have_met(initial, shape)):
+            shape = None
         if shape is not None and not (mesh.hangs or given_up
                                       or shape.converged and shape.state.culled):
             if mesh.touches_itself and initial is None and shape.converged:
@@ -301,13 +300,22 @@ def _may_come_out(mesh: Discretization, gripper: Pose, holds: Holds) -> bool:
 def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, strains: Floats,
                        past: Memory) -> Shape | None:
     """Return the Shape in which a DLO goes on bearing where it does, or None."""
-    if not mesh.may_hang or not past.in_contact:
+    if not mesh.may_hang or not past.in_contact or past.strands.size:
         return None
     end = _uninterrupted(follow_step(
         mesh.full, gripper.rotation, gripper.position, past.plastic, past.node_force, *past.points,
         past.positions, read_only(past.tangents), initial.gripper.rotation,
         initial.gripper.position, strains, TOLERANCE, EXACT * float(mesh.s[-1])))
-    return shape_from(mesh, gripper, end, past, (), False) if end.residual < np.inf else None
+    if not end.residual < np.inf:
+        return None
+    shape = shape_from(mesh, gripper, end, past, (), False)
+    return None if mesh.touches_itself and _may_have_met(initial, shape) else shape
+
+
+def _may_have_met(initial: Shape, shape: Shape) -> bool:
+    """Return whether strands may have met on the way between two Shapes."""
+    from dlo_planner.direct.self_contact import may_have_met  # noqa: PLC0415  (few need it)
+    return may_have_met(initial, shape)
 
 
 def past_of(mesh: Discretization, initial: Shape | None, memory: Memory | None) -> Memory:
@@ -711,9 +719,13 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
     tangents, exact = NOWHERE, how.exact * mesh.s.item(-1)
     if memory is not None and not culled:
         places, tangents = read_only(memory.positions), read_only(memory.tangents)
+    if mesh.touches_itself:
+        from dlo_planner.direct.self_contact import kept_apart, rays_behind  # noqa: PLC0415  (few DLOs need it)
+        rays = rays_behind(gripper, holds, mesh.s.item(-1))
+        if full is not None:
+            full = full._replace(rays=rays)
     if mesh.touches_itself and not culled:
-        from dlo_planner.direct.self_contact import kept_apart  # noqa: PLC0415  (few DLOs need it)
-        system = mesh.system(gripper.rotation, gripper.position, memory, holds)
+        system = mesh.system(gripper.rotation, gripper.position, memory, holds)._replace(rays=rays)
 
         def solved(system: Problem, strains: Floats, how: Search) -> Solution:
             return _uninterrupted(solve_step(
@@ -805,15 +817,15 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     """Return the Shape of a Solution: all that simulators return are made here."""
     around, before = mesh.surroundings, memory or mesh.start
     hangs = mesh.hangs and not holds  # then the next step does not count from here
-    for one in end[:4]:
-        one.setflags(write=False)
-    if not hangs:
-        freeze(end[4:7] if culled else end[4:8])
     self_contacts: tuple[SelfContact, ...] = ()
     violation = max(end.violation, end.inside)
     if end.strands is not None:
         self_contacts, depth = self_contacts_of(mesh.s, end.positions, end.strands)
         violation = max(violation, depth)
+    for one in end[:4]:
+        one.setflags(write=False)
+    if not hangs:
+        freeze(end[4:7] if culled else end[4:8])
     bound = (around.pinned or holds or mesh.obstructed and not culled
              or end.strands is not None)
     reach = reach_of(mesh, spans_of(holds, gripper, mesh.s.item(-1))) if holds else np.inf

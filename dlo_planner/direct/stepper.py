@@ -44,7 +44,8 @@ from dlo_planner.direct.integrator import (
     step_problem,
 )
 from dlo_planner.direct.search import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE, minimum_by
-from dlo_planner.direct.shape import Shape, State
+from dlo_planner.direct.self_passage import TURNING
+from dlo_planner.direct.shape import Shape, State, self_contacts_of
 from dlo_planner.direct.statics import acts_at, reach_of, shape_from
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
@@ -178,6 +179,10 @@ class TimePoint:
             shape = replace(shape, stability=stability_at(
                 mesh.free, self.how, gripper.rotation, gripper.position, np.array(row.nodes),
                 np.array(row.bends)))
+        if mesh.touches_itself:
+            from dlo_planner.direct.self_contact import springs_between  # noqa: PLC0415  (few need it)
+            strands = springs_between(mesh, gripper, holds, row.bends[0], row.nodes[0])
+            shape = replace(shape, self_contacts=self_contacts_of(mesh.s, row.nodes[0], strands)[0])
         past = shape.state.history if shape.state.history is not self.begun else mesh.start
         return replace(shape, state=State(mesh, past, past, _NOT_ESTIMATED, self.free))
 
@@ -273,7 +278,7 @@ class Stepper:
         if self.method == 'newton':
             after, impact = (self.coefficients(Scheme(name, scheme.dt))
                              for name in ('annihilating', 'euler'))
-            last = uninterrupted(integrate(system, self.discretization.full, culled, how, after,
+            last = uninterrupted(integrate(system, self._full, culled, how, after,
                                            impact, buffer, budget, options, guess))
         else:
             last = self._integrated(system, how, buffer, budget, options, guess)
@@ -407,7 +412,19 @@ class Stepper:
         mesh = self.discretization
         if culled:
             return mesh.free
-        return mesh.full if self.grips.kinds else mesh.static
+        return self._full if self.grips.kinds or not mesh.hangs else mesh.free
+
+    @cached_property
+    def _full(self) -> Problem:
+        """The Problem with all that may act, between grips that turn the DLO with strands behind.
+
+        Where these are, the grips of each step tell: the rays are not 0.
+        """
+        mesh = self.discretization
+        ends = [hold for hold in self.grips.kinds if hold.s is None and hold.grip in TURNING]
+        if not (mesh.touches_itself and ends):
+            return mesh.full
+        return mesh.full._replace(rays=np.ones((2, 3)))
 
     def problem(self, now: TimePoint, place: float, scheme: Scheme) -> Problem:
         """Return the Problem of one step of a Scheme to a place."""

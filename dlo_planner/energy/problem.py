@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.energy.strands import ROWS
 from dlo_planner.energy.terms import TERMS, Structure, Terms, structure_of, width
 from dlo_planner.geometry.kinematics import new_attached
 from dlo_planner.geometry.record import Record, replaced
@@ -16,6 +17,7 @@ from dlo_planner.kernels.interruption import interrupted
 from dlo_planner.model.arrays import Floats
 
 _BETWEEN = 10_000  # steps of a search of one element: 5 to 50 ms
+_LOOKED_AT = 16  # elements: to look whether they are near all others takes about as long as a step
 _HINGE = 1e-20  # of the stiffness of the DLO: that of a hinge is below
 
 
@@ -128,8 +130,8 @@ def is_to_end(worked: Floats, system: Problem, cost: int) -> bool:
     method for a DLO that hangs freely. To ask takes Python's lock: it may have to wait 5 ms.
     """
     terms = system.basis.shape[2]
-    worked[0] += (cost * (1.0 + terms * terms / 256.0) + _bodies(system.effects.contact)
-                  ) * system.lengths.size
+    worked[0] += (cost * (1.0 + terms * terms / 256.0 + _strands(system.effects.strands))
+                  + _bodies(system.effects.contact)) * system.lengths.size
     if worked[0] < _BETWEEN:
         return False
     worked[0] = 0.0
@@ -142,6 +144,14 @@ def _bodies(contact):
     if contact is None:
         return 0
     return contact.scene.kind.size
+
+
+@kernel
+def _strands(strands):
+    """Return how many solutions pairs of strands, and looking for others, take the time of."""
+    if strands is None:
+        return 0
+    return ROWS * strands.pair.shape[0] + strands.strand_radius.size // _LOOKED_AT
 
 
 @kernel

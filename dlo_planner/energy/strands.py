@@ -17,6 +17,12 @@ elements; there is no friction. The second derivatives couple places far apart:
 
 with g the derivative of d by the four nodes, B that of w, Q that of the slopes by s and t of
 d^2 / 2, and A their derivative by s and t; of a point at an end of its chord there is no row of Q.
+
+What holds both ends of a DLO is a body, too. The DLO itself stands for it, straight on behind both
+grips: two strands more, number -1 behind the gripper and N behind the far end. They are as long as
+the DLO, so that nothing of it swings past their ends: its link is kept (`geometry.writhe`). They
+move with the nodes there and have the directions of the grips, which do not depend on the shape.
+No term keeps the nearest point in their middle.
 """
 
 from __future__ import annotations
@@ -27,7 +33,7 @@ import numpy as np
 
 from dlo_planner.geometry.record import Record
 from dlo_planner.geometry.self_distance import heads_back
-from dlo_planner.geometry.self_passage import passes_itself
+from dlo_planner.geometry.self_passage import passes_itself, passes_ray
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 
@@ -48,12 +54,22 @@ class Strands(Record):
     pair_force: Floats    # (P,) multipliers, N
     pair_reach: Floats    # (P,) sum of both radii, m
     strand_radius: Floats  # (N,) radii of all elements, m
+    # (2, 3) from the beginning to the end of what goes straight on behind the gripper, and behind
+    # the far end, m; zeros where an end is free
+    rays: Floats
     pair_spring: float    # N/m
 
 
-def no_strands(radii: Floats) -> Strands:
-    """Return the Strands of a DLO with elements of these radii (N,), of which none is near."""
-    return Strands(np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), radii, 0.0)
+NO_RAYS = np.zeros((2, 3))  # of a DLO with a free end
+
+
+def no_strands(radii: Floats, spring: float) -> Strands:
+    """Return the Strands of a DLO with elements of these radii (N,), of which none is near.
+
+    Without radii, (0,), nothing keeps its strands off each other. `spring` in N/m.
+    """
+    return Strands(np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), radii,
+                   NO_RAYS.copy(), spring)
 
 
 def needs(effect: Strands) -> dict[str, Any]:
@@ -69,20 +85,44 @@ def pair_count(effect):
     return effect.pair.shape[0]
 
 
-@kernel
-def nearest_points(lengths: Floats, positions: Floats, i: int, j: int
-                   ) -> tuple[float, float, float]:
-    """Return s and t of the nearest points of two chords, and their distance d in m.
+@kernel(forceinline=True)
+def _component(rays, positions, e, k):
+    """Return where strand e begins and how long it is, m, along axis k."""
+    n = positions.shape[0] - 1
+    if e < 0:
+        return positions[0, k] - rays[0, k], rays[0, k]
+    if e == n:
+        return positions[n, k], rays[1, k]
+    return positions[e, k], positions[e + 1, k] - positions[e, k]
 
-    Shapes: lengths (N,) of the elements, positions (N + 1, 3).
+
+@kernel(forceinline=True)
+def _soft(lengths, e):
+    """Return what keeps the nearest point of strand e in its middle, m^2."""
+    return SOFT * lengths[e] ** 2 if 0 <= e < lengths.size else 0.0
+
+
+@kernel(forceinline=True)
+def _ends(n, e):
+    """Return the nodes that strand e moves with, of a DLO of n elements."""
+    return max(e, 0), min(e + 1, n)
+
+
+@kernel
+def nearest_points(lengths: Floats, rays: Floats, positions: Floats, i: int, j: int
+                   ) -> tuple[float, float, float]:
+    """Return s and t of the nearest points of two strands, and their distance d in m.
+
+    Shapes: lengths (N,) of the elements, rays (2, 3) as of Strands, positions (N + 1, 3).
     """
     uu = vv = uv = uw = vw = ww = 0.0
     for k in range(3):
-        u, v = positions[i + 1, k] - positions[i, k], positions[j + 1, k] - positions[j, k]
-        w = positions[i, k] - positions[j, k]
+        begin, u = _component(rays, positions, i, k)
+        other_begin, v = _component(rays, positions, j, k)
+        w = begin - other_begin
         uu, vv, uv, uw, vw, ww = (uu + u * u, vv + v * v, uv + u * v, uw + u * w, vw + v * w,
                                   ww + w * w)
-    own, other = SOFT * lengths[i] ** 2, SOFT * lengths[j] ** 2
+    own, other = _soft(lengths, i), _soft(lengths, j)
     a, b = uu + own, vv + other
     right, second = 0.5 * own - uw, 0.5 * other + vw
     s = (right * b + uv * second) / (a * b - uv * uv)
@@ -118,7 +158,7 @@ def add_forces(effect, system, state):
     positions, pull = state.positions, state.pull
     for p in range(effect.pair.shape[0]):
         i, j = effect.pair[p, 0], effect.pair[p, 1]
-        s, t, distance = nearest_points(system.lengths, positions, i, j)
+        s, t, distance = nearest_points(system.lengths, effect.rays, positions, i, j)
         force = bears(effect, p, distance)
         # f^2 / 2k is the potential, less what does not depend on the shape
         own = 0.5 * (force ** 2 - effect.pair_force[p] ** 2) / effect.pair_spring
@@ -126,14 +166,16 @@ def add_forces(effect, system, state):
         size += abs(own) + force * distance
         if force == 0.0 or distance < _TINY * effect.pair_reach[p]:
             continue
+        n = system.lengths.size
+        (first, second), (third, fourth) = _ends(n, i), _ends(n, j)
         for k in range(3):
-            w = ((1.0 - s) * positions[i, k] + s * positions[i + 1, k]
-                 - (1.0 - t) * positions[j, k] - t * positions[j + 1, k])
-            along = force * w / distance
-            pull[i, k] -= (1.0 - s) * along
-            pull[i + 1, k] -= s * along
-            pull[j, k] += (1.0 - t) * along
-            pull[j + 1, k] += t * along
+            begin, u = _component(effect.rays, positions, i, k)
+            other_begin, v = _component(effect.rays, positions, j, k)
+            along = force * (begin + s * u - other_begin - t * v) / distance
+            pull[first, k] -= (1.0 - s) * along
+            pull[second, k] -= s * along
+            pull[third, k] += (1.0 - t) * along
+            pull[fourth, k] += t * along
     return energy, size
 
 
@@ -143,8 +185,8 @@ def pushes_out(effect, system, state):
     if effect is None:
         return False
     for p in range(effect.pair.shape[0]):
-        _, _, distance = nearest_points(system.lengths, state.positions, effect.pair[p, 0],
-                                        effect.pair[p, 1])
+        _, _, distance = nearest_points(system.lengths, effect.rays, state.positions,
+                                        effect.pair[p, 0], effect.pair[p, 1])
         if distance < _DEEP * effect.pair_reach[p]:
             return True
     return False
@@ -157,8 +199,8 @@ def roundoff(effect, system, state, length):
         return 0.0
     forces = 0.0
     for p in range(effect.pair.shape[0]):
-        _, _, distance = nearest_points(system.lengths, state.positions, effect.pair[p, 0],
-                                        effect.pair[p, 1])
+        _, _, distance = nearest_points(system.lengths, effect.rays, state.positions,
+                                        effect.pair[p, 0], effect.pair[p, 1])
         if bears(effect, p, distance) > 0.0:
             forces += effect.pair_spring * length
     return forces
@@ -169,35 +211,150 @@ def forbids(effect, system, before, after):
     """Whether a strand passes through another on the way between two states, or nearly does."""
     if effect is None:
         return False
-    lengths, radii = system.lengths, effect.strand_radius
+    if effect.strand_radius.size == 0:
+        return False
+    lengths, rays, radii = system.lengths, effect.rays, effect.strand_radius
     found = np.empty((_MANY, 2), dtype=np.int64)
-    count = near_pairs(lengths, after.strains, after.positions, radii, 0.0, found)
+    count = near_pairs(lengths, after.strains, rays, after.positions, radii, 0.0, found)
     for p in range(min(count, _MANY)):
         i, j = found[p, 0], found[p, 1]
-        _, _, distance = nearest_points(lengths, after.positions, i, j)
-        if distance < _DEEPEST * (radii[i] + radii[j]):
-            _, _, known = nearest_points(lengths, before.positions, i, j)
+        _, _, distance = nearest_points(lengths, rays, after.positions, i, j)
+        if distance < _DEEPEST * _reach(radii, i, j):
+            _, _, known = nearest_points(lengths, rays, before.positions, i, j)
             if distance < known:
                 return True
-    return passes_itself(before.positions, after.positions)
+    return (passes_itself(before.positions, after.positions)
+            or _pass_rays(rays, rays, before.positions, after.positions))
+
+
+@kernel
+def _pass_rays(before, after, positions, later_positions):
+    """Whether a DLO passes through what goes straight on behind its ends, by rays (2, 3)."""
+    return (passes_ray(-before[0], -after[0], 0, positions, later_positions)
+            or passes_ray(before[1], after[1], positions.shape[0] - 1, positions, later_positions))
+
+
+@kernel(forceinline=True)
+def _reach(radii, i, j):
+    """Return the sum of the radii of two strands, m; behind a grip they are those before it."""
+    last = radii.size - 1
+    return radii[min(max(i, 0), last)] + radii[min(max(j, 0), last)]
 
 
 @kernel
 def may_act(effect, system, strains, positions, before):
-    """Whether any two strands are in each other at a shape that was found without."""
+    """Whether two strands are in each other at a shape found without, or pass on the way there."""
     if effect is None:
         return False
+    if effect.strand_radius.size == 0:
+        return False
     found = np.empty((1, 2), dtype=np.int64)
-    return near_pairs(system.lengths, strains, positions, effect.strand_radius, 0.0, found) > 0
+    return (near_pairs(system.lengths, strains, effect.rays, positions, effect.strand_radius, 0.0,
+                       found) > 0
+            or passes_itself(before, positions)
+            or _pass_rays(effect.rays, effect.rays, before, positions))
 
 
 @kernel
-def near_pairs(lengths: Floats, strains: Floats, positions: Floats, radii: Floats, gap: float,
-               found: Ints) -> int:
+def watching(effect, lengths, strains, rays, positions, gap):
+    """Return the Strands of pairs nearer than both radii and a gap, m, that bear on springs alone.
+
+    Those of a step of a motion, in which springs store energy; itself where nothing bears.
+    """
+    if effect is None:
+        return effect
+    if effect.strand_radius.size == 0:
+        return effect
+    found = np.empty((_MANY, 2), dtype=np.int64)
+    count = near_pairs(lengths, strains, rays, positions, effect.strand_radius, gap, found)
+    if count > _MANY:
+        found = np.empty((count, 2), dtype=np.int64)
+        near_pairs(lengths, strains, rays, positions, effect.strand_radius, gap, found)
+    reaches = np.empty(count)
+    for p in range(count):
+        reaches[p] = _reach(effect.strand_radius, found[p, 0], found[p, 1])
+    return Strands(found[:count].copy(), np.zeros(count), reaches, effect.strand_radius, rays,
+                   effect.pair_spring)
+
+
+@kernel
+def spring_energy(effect, system, state, rays):
+    """Return the energy in J in springs of all that is nearer than both radii at a Configuration.
+
+    It has strains and positions; `rays` (2, 3) as of Strands.
+    """
+    if effect is None:
+        return 0.0
+    near, energy = watching(effect, system.lengths, state[0], rays, state[1], 0.0), 0.0
+    for p in range(near.pair.shape[0]):
+        _, _, distance = nearest_points(system.lengths, rays, state[1], near.pair[p, 0],
+                                        near.pair[p, 1])
+        energy += 0.5 * effect.pair_spring * (near.pair_reach[p] - distance) ** 2
+    return energy
+
+
+@kernel
+def escapes(effect, system, rays_before, before, state):
+    """Whether a step of a motion leads strands into each other that were not watched, or through.
+
+    Args:
+        rays_before, before: (2, 3), (N + 1, 3) of the beginning, relative to the gripper, m
+        state: Configuration at its end
+    """
+    if effect is None:
+        return False
+    if effect.strand_radius.size == 0:
+        return False
+    near, known = watching(effect, system.lengths, state.strains, effect.rays, state.positions,
+                           0.0), 0
+    for p in range(near.pair.shape[0]):
+        for w in range(effect.pair.shape[0]):
+            if (effect.pair[w, 0] == near.pair[p, 0] and effect.pair[w, 1] == near.pair[p, 1]):
+                known += 1
+    return (known < near.pair.shape[0] or passes_itself(before, state.positions)
+            or _pass_rays(rays_before, effect.rays, before, state.positions))
+
+
+@kernel
+def add_moments_behind(effect, system, state, wrench, wrenches):
+    """Add the moments of what bears behind grips to wrenches (6,) and (A, 6) of gripper and holds.
+
+    Its forces these have, as if it acted on the ends of the DLO.
+    """
+    if effect is None:
+        return
+    n, positions = system.lengths.size, state.positions
+    for p in range(effect.pair.shape[0]):
+        i, j = effect.pair[p, 0], effect.pair[p, 1]
+        if i >= 0 and j < n:
+            continue
+        s, t, distance = nearest_points(system.lengths, effect.rays, positions, i, j)
+        force = bears(effect, p, distance)
+        if force == 0.0 or distance < _TINY * effect.pair_reach[p]:
+            continue
+        lever, along = np.empty(3), np.empty(3)
+        for k in range(3):
+            begin, u = _component(effect.rays, positions, i, k)
+            other_begin, v = _component(effect.rays, positions, j, k)
+            along[k] = force * (begin + s * u - other_begin - t * v) / distance
+            lever[k] = ((s - 1.0) * effect.rays[0, k] if i < 0 else t * effect.rays[1, k])
+        for k in range(3):
+            a, b = (k + 1) % 3, (k + 2) % 3
+            moment = lever[a] * along[b] - lever[b] * along[a]
+            if i < 0:
+                wrench[3 + k] -= moment
+            else:
+                wrenches[wrenches.shape[0] - 1, 3 + k] += moment
+
+
+@kernel
+def near_pairs(lengths: Floats, strains: Floats, rays: Floats, positions: Floats, radii: Floats,
+               gap: float, found: Ints) -> int:
     """Fill found (n, 2) with pairs nearer than both radii and a gap, m; return how many there are.
 
     More than n are counted, and not filled in. A place is no neighbour of an earlier one if the
-    DLO, on its way from there, heads back towards that (`geometry.self_distance`).
+    DLO, on its way from there, heads back towards that (`geometry.self_distance`); and none of
+    what is straight behind a grip if the DLO, on its way from that, goes backwards.
     """
     n, count = lengths.size, 0
     turns = np.zeros(n + 1)
@@ -216,33 +373,64 @@ def near_pairs(lengths: Floats, strains: Floats, positions: Floats, radii: Float
                            - positions[j + 1, k]) ** 2
             near = radii[i] + radii[j] + gap
             if 0.5 * np.sqrt(square) - 0.5 * (lengths[i] + lengths[j]) < near:
-                _, _, distance = nearest_points(lengths, positions, i, j)
+                _, _, distance = nearest_points(lengths, rays, positions, i, j)
                 if distance < near:
                     if count < found.shape[0]:
                         found[count, 0], found[count, 1] = i, j
                     count += 1
             j += 1
+    for ray in range(2):
+        if not _is_there(rays[ray]):
+            continue
+        back = False
+        for m in range(n):
+            e = m if ray == 0 else n - 1 - m  # from the grip on
+            along = 0.0
+            for k in range(3):
+                along += rays[ray, k] * (positions[e + 1, k] - positions[e, k])
+            back = back or along < 0.0
+            i, j = (-1, e) if ray == 0 else (e, n)
+            if back and nearest_points(lengths, rays, positions, i, j)[2] < (
+                    _reach(radii, i, j) + gap):
+                if count < found.shape[0]:
+                    found[count, 0], found[count, 1] = i, j
+                count += 1
     return count
+
+
+@kernel
+def _is_there(ray):
+    """Whether a DLO goes on behind an end."""
+    return ray[0] != 0.0 or ray[1] != 0.0 or ray[2] != 0.0
+
+
+@kernel
+def nodes_of(effect, n, p):
+    """Return the four nodes, rising, that the strands of pair p move with, of n elements."""
+    first, second = _ends(n, effect.pair[p, 0])
+    third, fourth = _ends(n, effect.pair[p, 1])
+    return first, second, third, fourth
 
 
 @kernel
 def put_rows(effect, system, state, p, rows, weights):
     """Fill what pair p adds to second derivatives: a sum of weights times rows row^T.
 
-    Returns how many there are. Shapes: rows (ROWS, 4, 3) forces on nodes i, i + 1, j, j + 1;
-    weights (ROWS,), N/m.
+    Returns how many there are. Shapes: rows (ROWS, 4, 3) forces on the nodes that both strands move
+    with, see `nodes_of`; weights (ROWS,), N/m.
     """
     i, j = effect.pair[p, 0], effect.pair[p, 1]
     positions = state.positions
-    s, t, distance = nearest_points(system.lengths, positions, i, j)
+    s, t, distance = nearest_points(system.lengths, effect.rays, positions, i, j)
     force = bears(effect, p, distance)
     if force == 0.0 or distance < _TINY * effect.pair_reach[p]:
         return 0
     u, v, w = np.empty(3), np.empty(3), np.empty(3)
     uu = vv = uv = ww = 0.0
     for k in range(3):
-        u[k], v[k] = positions[i + 1, k] - positions[i, k], positions[j + 1, k] - positions[j, k]
-        w[k] = positions[i, k] + s * u[k] - positions[j, k] - t * v[k]
+        begin, u[k] = _component(effect.rays, positions, i, k)
+        other_begin, v[k] = _component(effect.rays, positions, j, k)
+        w[k] = begin + s * u[k] - other_begin - t * v[k]
         uu, vv, uv, ww = uu + u[k] * u[k], vv + v[k] * v[k], uv + u[k] * v[k], ww + w[k] * w[k]
     tension, width = force / distance, np.sqrt(ww)
     if width < _TINY * effect.pair_reach[p]:
@@ -274,7 +462,7 @@ def put_rows(effect, system, state, p, rows, weights):
     # the nearest points move along both chords
     begin = count
     if 0.0 < s < 1.0:
-        scale = 1.0 / np.sqrt(uu + SOFT * system.lengths[i] ** 2)
+        scale = 1.0 / np.sqrt(uu + _soft(system.lengths, i))
         _put_distance_row(s, t, u, scale, rows[count])
         for k in range(3):
             rows[count, 0, k] -= scale * w[k]
@@ -282,10 +470,10 @@ def put_rows(effect, system, state, p, rows, weights):
         weights[count] = tension
         count += 1
     if 0.0 < t < 1.0:
-        b = vv + SOFT * system.lengths[j] ** 2
+        b = vv + _soft(system.lengths, j)
         mixed = 0.0
         if count > begin:
-            mixed = -uv / np.sqrt(uu + SOFT * system.lengths[i] ** 2)
+            mixed = -uv / np.sqrt(uu + _soft(system.lengths, i))
         scale = 1.0 / np.sqrt(b - mixed * mixed)
         _put_distance_row(s, t, v, -scale, rows[count])
         for k in range(3):

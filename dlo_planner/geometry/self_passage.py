@@ -74,6 +74,32 @@ def passes_itself(before: Floats, after: Floats) -> bool:
 
 
 @kernel
+def passes_ray(ray: Floats, later_ray: Floats, node: int, before: Floats, after: Floats) -> bool:
+    """Return whether the polygon through nodes (N + 1, 3) passes through a straight line.
+
+    The line leaves one of its ends, node 0 or N, by `ray` (3,), m, before, and by `later_ray`
+    after; there is none if that is zero.
+    """
+    n = before.shape[0] - 1
+    size = np.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)
+    if size == 0.0:
+        return False
+    begin, end = np.empty((4, 3)), np.empty((4, 3))
+    for k in range(3):
+        begin[0, k], begin[1, k] = before[node, k], before[node, k] + ray[k]
+        end[0, k], end[1, k] = after[node, k], after[node, k] + later_ray[k]
+    for e in range(n):
+        if e == node or e + 1 == node:
+            continue
+        for k in range(3):
+            begin[2, k], begin[3, k] = before[e, k], before[e + 1, k]
+            end[2, k], end[3, k] = after[e, k], after[e + 1, k]
+        if _pass(begin, end, 0, 2, _TOUCHES * size):
+            return True
+    return False
+
+
+@kernel
 def passes_between(s: Floats, strains: Floats, frames: Floats, positions: Floats,
                    later_strains: Floats, later_frames: Floats, later_positions: Floats) -> bool:
     """Return whether a curve passes through itself from one shape to a later one.

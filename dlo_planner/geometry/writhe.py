@@ -23,15 +23,18 @@ _FLAT = 1e-28    # of the square of an area: what is smaller spans no angle
 
 
 @kernel
-def writhe(points: Floats) -> float:
+def writhe(points: Floats, closed: bool) -> float:
     """Return the writhe of the open polygon through points (n, 3).
 
     Pairs of chords add the solid angle under which they are seen to cross: method 1a of Klenin and
-    Langowski 2000, exact for polygons. What lies in a plane has none.
+    Langowski 2000, exact for polygons. What lies in a plane has none. Where it is `closed` by its
+    first chord and its last these do not count as a pair.
     """
-    total = 0.0
-    for i in range(points.shape[0] - 1):
-        for j in range(i + 2, points.shape[0] - 1):
+    total, n = 0.0, points.shape[0] - 1
+    for i in range(n):
+        for j in range(i + 2, n):
+            if closed and i == 0 and j == n - 1:
+                continue
             total += _crossing(points[i], points[i + 1], points[j], points[j + 1])
     return total / (2.0 * np.pi)
 
@@ -43,7 +46,8 @@ def link(lengths: Floats, strains: Floats, frames: Floats, positions: Floats,
 
     Or leaves them at an angle `tilt`, rad, towards its first normal. It is that of the polygon of
     the elements' chords, with the material frames in their middles: so it is kept exactly, however
-    large elements are.
+    large elements are. How both straight ends are seen to cross each other is left out: it changes
+    with the grips, by 2 where these ends pass through each other, which nothing of the DLO does.
 
     Args:
         lengths: (N,) m; strains: (N, 3) 1/m; frames: (N + 1, 3, 3); positions: (N + 1, 3) m
@@ -70,7 +74,7 @@ def link(lengths: Floats, strains: Floats, frames: Floats, positions: Floats,
                 expected += 0.5 * lengths[e] * strains[e, 0]
         angle = _twist(along[k], along[k + 1], beside[k], beside[k + 1])
         twist += angle + 2.0 * np.pi * np.round((expected - angle) / (2.0 * np.pi))
-    return twist / (2.0 * np.pi) + writhe(points)
+    return twist / (2.0 * np.pi) + writhe(points, True)
 
 
 @kernel

@@ -14,7 +14,7 @@ A Y^T + W^-1 (Haynsworth, 1968).
 import numpy as np
 
 from dlo_planner.energy.potential import project
-from dlo_planner.energy.strands import ROWS, pair_count, put_rows
+from dlo_planner.energy.strands import ROWS, nodes_of, pair_count, put_rows
 from dlo_planner.geometry.so3 import coefficients_in, columns_scaled, jacobians_with, matrix, times
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.dense import factorized
@@ -29,14 +29,16 @@ def fill_coupling(system, state, hessian, coupling):
     """Fill rows and weights of all pairs that bear at `state`."""
     if coupling is None:
         return
+    coupling.used[0] = 0
+    if pair_count(system.effects.strands) == 0:
+        return
     n, used = system.lengths.size, 0
     forces, weights = np.empty((ROWS, 4, 3)), np.empty(ROWS)
     values, places = np.empty((n, 3)), np.empty(4, dtype=np.int64)
     strands = system.effects.strands
     for p in range(pair_count(strands)):
         count = put_rows(strands, system, state, p, forces, weights)
-        i, j = strands.pair[p, 0], strands.pair[p, 1]
-        places[0], places[1], places[2], places[3] = i, i + 1, j, j + 1
+        places[0], places[1], places[2], places[3] = nodes_of(strands, n, p)
         for row in range(count):
             if abs(weights[row]) <= _NONE * abs(weights[0]):
                 continue
@@ -131,6 +133,8 @@ def correct_for_pairs(coupling, out):
     if coupling is None:
         return
     used = coupling.used[0]
+    if used == 0:
+        return
     missed = np.empty(used)
     for row in range(used):
         missed[row] = dot(coupling.rows[row], out)
@@ -145,6 +149,8 @@ def subtract_coupled(coupling, loads, products):
     if coupling is None:
         return
     used, size = coupling.used[0], products.shape[0]
+    if used == 0:
+        return
     moved = np.empty((used, size))
     for row in range(used):
         moved[row] = dots(loads, coupling.answers[row])

@@ -24,6 +24,7 @@ from dlo_planner.energy.problem import (
     with_gripper,
 )
 from dlo_planner.energy.scene import translated
+from dlo_planner.energy.strands import add_moments_behind
 from dlo_planner.energy.terms import KKTBorder, may_act, potential, stored
 from dlo_planner.geometry.basis import truncation_error
 from dlo_planner.geometry.kinematics import folded, point_inside
@@ -167,7 +168,8 @@ def solve_step(system: Problem, watched: Any, base: Floats, origin: Floats, stra
         turned.effects.contact, turned, options, work, places, tangents, turned_from)
     end = outcome(loaded, state, turned.origin, residual, 0.0, True)
     acts = residual < np.inf and _acts(watched, turned, end[0], end[2], places)
-    return _without_empty(turned.effects.hold, end) + (residual, stability, iterations, kicks, violation, acts)
+    return _without_empty(turned.effects.hold, end) + (
+        residual, stability, iterations, kicks, violation, acts)
 
 
 @kernel
@@ -324,6 +326,7 @@ def outcome(system: Problem, state: Configuration, origin: Floats, residual: flo
     effects, positions, wrench = system.effects, np.empty_like(state.positions), np.empty(6)
     elastic, energy = outputs(system, state, origin, positions, wrench)
     hold, wrenches, missed = _holds_after(effects.hold, state)
+    add_moments_behind(effects.strands, system, state, wrench, wrenches)
     plastic, lost, springs = _set_after(effects.plastic, system, state.strains)
     forces, contacts, inside = _contacts_after(effects.contact, system, state, origin, ended)
     # copies: what a Shape has is no array of a search

@@ -117,7 +117,7 @@ class Surroundings(Value):
     def _judge_self_contact(self) -> None:
         if self.rod.radius is None:
             raise InvalidTask('Rod.radius = None: expected the DLO\'s radius with self_contact')
-        for given, what in ((self.pinned, "grip = 'pinned'"), (self.obstacles, 'obstacles'),
+        for given, what in ((self.pinned, "grip = 'pinned'"),
                             (self.rod.yields, 'a rod that yields'),
                             (Surface.of(self.rod).half is not None, 'a rectangular section'),
                             (self.has_moments, 'dead moments'),

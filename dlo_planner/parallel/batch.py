@@ -23,7 +23,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
 from dlo_planner.parallel.pool import CachedPayload, Pool, Workers, checked
-from dlo_planner.parallel.shapes import Columns, Shapes, columns, stacked
+from dlo_planner.parallel.shapes import TABLES, Columns, Shapes, columns, stacked
 from dlo_planner.progress import OnProgress, Progress
 
 _AT_ONCE = 64  # gripper poses in one piece of work
@@ -31,7 +31,7 @@ _QUICK = 128   # the same of DLOs that hang freely: 10 ms, of which handing it o
 _LOOP = 512    # of one that nobody waits for
 _FEW, _LAST = 16, 4  # the last pieces: a quarter of what is left, 16 at the least
 _MOST = 100_000
-_NO_CONTACTS = columns([], np.zeros(2))['contact_table']
+_NO_CONTACTS = {name: columns([], np.zeros(2))[name] for name in TABLES}
 
 
 def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = None, *,  # noqa: A001
@@ -289,16 +289,16 @@ def _each_alone(simulator: DirectSimulator, piece: Piece) -> Columns:
     """Return `columns` in each gripper, by the compiled loop where the DLO hangs freely."""
     steps = Progress(deadline=piece.seconds)
     rows, good = free_shapes(simulator, piece.positions, piece.rotations)
-    touching = [_NO_CONTACTS]
+    tables = {name: [none] for name, none in _NO_CONTACTS.items()}
     for k in np.flatnonzero(~good):
         shape = simulator.solve(_pose(piece.positions[k], piece.rotations[k]))
         for name, values in columns([shape], simulator.mesh.s).items():
-            if name != 'contact_table':
+            if name not in TABLES:
                 rows[name][k] = values[0]
             elif len(values):
-                touching.append(values + k * (np.arange(values.shape[1]) == 0))
+                tables[name].append(values + k * (np.arange(values.shape[1]) == 0))
         steps.check()
-    return rows | {'contact_table': np.concatenate(touching)}
+    return rows | {name: np.concatenate(parts) for name, parts in tables.items()}
 
 
 def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:
@@ -311,7 +311,7 @@ def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:
     if loop.size:
         rows, good = free_rods(simulator, [rods[k] for k in loop],
                                piece.positions[loop], piece.rotations[loop])
-        rows['contact_table'] = _NO_CONTACTS
+        rows |= _NO_CONTACTS
         if loop.size == n and good.all():
             return rows
         for row, k in enumerate(loop):

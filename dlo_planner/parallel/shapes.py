@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlo_planner.direct.discretization import mapped
-from dlo_planner.direct.shape import Contact, Shape
+from dlo_planner.direct.shape import Contact, SelfContact, Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import array, items, results, row, shown
@@ -23,6 +23,8 @@ _FIGURES = ('energy', 'elastic_energy', 'dissipated', 'residual', 'stability', '
 _FLAGS = ('converged', 'jumped')
 Columns = dict[str, NDArray[Any]]  # arrays of some shapes, by the names of `Shapes`
 _CONTACT = 14  # columns: which shape, and the 13 numbers of a Contact
+_SELF_CONTACT = 11  # the same of a SelfContact
+TABLES = {'contact_table': _CONTACT, 'self_contact_table': _SELF_CONTACT}
 _EACH = 'one for each of Shapes.grippers,'
 
 
@@ -60,6 +62,9 @@ class Shapes(Answer):
     contact_table : ndarray, shape (m, 14)
         All contacts by shape and s: index of the shape, then obstacle, s, position, normal, force,
         friction, penetration as in `Contact`.
+    self_contact_table : ndarray, shape (m, 11)
+        Where DLOs touch themselves, likewise: index of the shape, then s, other_s, position,
+        normal, force, penetration as in `SelfContact`.
     holds : tuple
         The A Holds beside the gripper, the same of all shapes.
     wrenches : ndarray, shape (n, A, 6)
@@ -87,6 +92,7 @@ class Shapes(Answer):
     converged: Floats
     jumped: Floats
     contact_table: Floats = ()  # type: ignore[assignment]
+    self_contact_table: Floats = ()  # type: ignore[assignment]
     holds: Holds = ()
     wrenches: Floats | None = None
 
@@ -104,20 +110,23 @@ class Shapes(Answer):
         if not holds and (wrenches is None or isinstance(wrenches, list | tuple) and all(
                 isinstance(one, list | tuple) and not one for one in wrenches)):  # as of files
             wrenches = np.zeros((n, 0, 6))
-        contacts = self.contact_table if _length(self.contact_table) else np.zeros((0, _CONTACT))
+        tables = {name: given if _length(given := getattr(self, name)) else np.zeros((0, width))
+                  for name, width in TABLES.items()}
         put(self, grippers=grippers, s=s,
             iterations=self._counts(n), holds=holds,
             wrenches=results('Shapes.wrenches', wrenches, (n, len(holds), 6)),
-            contact_table=results('Shapes.contact_table', contacts, (None, _CONTACT)),
+            **{name: results(f'Shapes.{name}', tables[name], (None, width))
+               for name, width in TABLES.items()},
             **{name: results(f'Shapes.{name}', getattr(self, name), (n, *size))
                for name, size in sizes.items()},
             **{name: as_it_is(f'Shapes.{name}', getattr(self, name), (n,), 'b',
                               f'True or False, {_EACH}').astype(bool) for name in _FLAGS})
-        of = self.contact_table[:, 0]
-        if of.size and not (of[0] >= 0 and of[-1] < n and (of == np.floor(of)).all()
-                            and (np.diff(of) >= 0).all()):
-            raise InvalidTask('Shapes.contact_table: expected indices of shapes, not falling, in '
-                              f'its first column, got {shown(of.tolist())}')
+        for name in TABLES:
+            of = getattr(self, name)[:, 0]
+            if of.size and not (of[0] >= 0 and of[-1] < n and (of == np.floor(of)).all()
+                                and (np.diff(of) >= 0).all()):
+                raise InvalidTask(f'Shapes.{name}: expected indices of shapes, not falling, in '
+                                  f'its first column, got {shown(of.tolist())}')
         super().__post_init__()
 
     def _counts(self, n: int) -> Ints:
@@ -149,23 +158,32 @@ class Shapes(Answer):
         return self._shape(range(len(self))[index])
 
     def _chosen(self, chosen: Sequence[int]) -> 'Shapes':
-        order, of = np.array(chosen, dtype=int), self.contact_table[:, 0]
-        tables = [self.contact_table[of == k] for k in chosen]
-        table = np.concatenate([np.zeros((0, _CONTACT)), *tables])
-        table[:, 0] = np.repeat(np.arange(len(tables)), [len(one) for one in tables])
+        order, tables = np.array(chosen, dtype=int), dict[str, Any]()
+        for name, width in TABLES.items():
+            parts = [self._rows(name, k) for k in chosen]
+            table = np.concatenate([np.zeros((0, width)), *parts])
+            table[:, 0] = np.repeat(np.arange(len(parts)), [len(one) for one in parts])
+            tables[name] = table
         return replace(self, grippers=tuple(self.grippers[k] for k in chosen),
-                       s=self.s if self.s.ndim == 1 else self.s[order], contact_table=table,
+                       s=self.s if self.s.ndim == 1 else self.s[order], **tables,
                        **{name: getattr(self, name)[order] for name in _PER_SHAPE})
 
+    def _rows(self, name: str, k: int) -> Floats:
+        """Return the rows of a table that are of shape k."""
+        table = getattr(self, name)
+        rows: Floats = table[table[:, 0] == k]
+        return rows
+
     def _shape(self, k: int) -> Shape:
-        contacts = self.contact_table[self.contact_table[:, 0] == k]
         named: dict[str, Any] = {
             **{name: getattr(self, name)[k] for name in (
                 'positions', 'frames', 'element_strains', 'gripper_wrench')},
             **{name: float(getattr(self, name)[k]) for name in _FIGURES},
             **{name: bool(getattr(self, name)[k]) for name in _FLAGS}}
         s = self.s if self.s.ndim == 1 else self.s[k]
-        return Shape(self.grippers[k], s, contacts=tuple(map(_contact, contacts)),
+        touching, of_itself = (self._rows(name, k) for name in TABLES)
+        return Shape(self.grippers[k], s, contacts=tuple(map(_contact, touching)),
+                     self_contacts=tuple(map(_self_contact, of_itself)),
                      iterations=int(self.iterations[k]), holds=self.holds,
                      wrenches=self._wrenches[k], **named)
 
@@ -232,11 +250,11 @@ class Shapes(Answer):
                                 for part in parts])
         return cls(tuple(gripper for part in parts for gripper in part.grippers), s,
                    holds=parts[0].holds, **stacked([{name: getattr(part, name) for name in (
-                       *_PER_SHAPE, 'contact_table')} for part in parts]))
+                       *_PER_SHAPE, *TABLES)} for part in parts]))
 
 
 _PER_SHAPE = tuple(item.name for item in fields(Shapes)
-                   if item.name not in ('grippers', 's', 'contact_table', 'holds'))
+                   if item.name not in ('grippers', 's', 'holds', *TABLES))
 _SAME = 1e-9  # of the length
 
 
@@ -256,16 +274,20 @@ def columns(shapes: Sequence[Shape], s: Floats) -> Columns:
             'iterations': np.array([shape.iterations for shape in shapes], dtype=int),
             'wrenches': (np.array([shape.wrenches for shape in shapes]) if n
                          else np.zeros((0, 0, 6))),
-            'contact_table': np.array(table, dtype=float).reshape(-1, _CONTACT)}
+            'contact_table': np.array(table, dtype=float).reshape(-1, _CONTACT),
+            'self_contact_table': np.array(
+                [[k, c.s, c.other_s, *c.position, *c.normal, c.force, c.penetration]
+                 for k, shape in enumerate(shapes) for c in shape.self_contacts],
+                dtype=float).reshape(-1, _SELF_CONTACT)}
 
 
 def stacked(parts: Sequence[Columns]) -> Columns:
     """Return the arrays of several `columns` as one."""
     counts = np.cumsum([0, *(len(part['converged']) for part in parts)])
-    tables = [part['contact_table'] + first * (np.arange(_CONTACT) == 0)
-              for part, first in zip(parts, counts, strict=False)]
     return {**{name: np.concatenate([part[name] for part in parts]) for name in _PER_SHAPE},
-            'contact_table': np.concatenate(tables)}
+            **{name: np.concatenate([part[name] + first * (np.arange(width) == 0)
+                                     for part, first in zip(parts, counts, strict=False)])
+               for name, width in TABLES.items()}}
 
 
 def _at(shape: Shape, s: Floats) -> tuple[Floats, Floats, Floats]:
@@ -279,6 +301,10 @@ def _at(shape: Shape, s: Floats) -> tuple[Floats, Floats, Floats]:
 
 def _contact(line: Floats) -> Contact:
     return Contact(int(line[1]), line[2], line[3:6], line[6:9], line[9], line[10:13], line[13])
+
+
+def _self_contact(line: Floats) -> SelfContact:
+    return SelfContact(line[1], line[2], line[3:6], line[6:9], line[9], line[10])
 
 
 def _nodes(value: Any, n: int) -> Floats:

@@ -35,7 +35,8 @@ def test_growth_is_told():
     assert differences(before, Counts(100, 3, 3, 1051)) == ['size: 1051 instead of 1000']
     before = before._replace(iterations=100)  # which hang on the rounding of the processor
     assert differences(before, before._replace(iterations=125)) == []
-    assert differences(before, before._replace(iterations=126)) == ['iterations: 126 instead of 100']
+    assert differences(before, before._replace(iterations=126)) == [
+        'iterations: 126 instead of 100']
 
 
 def test_what_is_counted():

@@ -6,8 +6,11 @@ What balance, link and the distance of the strands say; Clauvelin, Audoly and Ne
 plectonemes are in the registry of validations (`benchmarks/strands.py`).
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
     DirectSimulator,
@@ -123,6 +126,41 @@ def test_what_is_found_is_kept_in_files(shapes, tmp_path):
     assert known.history == last.history
 
 
+def walk(seed, steps):
+    """Return poses of a far end that is turned, led about and tilted at random."""
+    rng, turn, place = np.random.default_rng(seed), Rotation.identity(), np.array([0.4, 0, 0])
+    place[0] += 0.1 * rng.random()
+    twist, poses = Rotation.from_rotvec([0.6 * rng.choice([-1, 1]), 0, 0]), []
+    for k in range(steps):
+        turn = twist * turn if k else turn
+        if k > 3:
+            place = place + rng.normal(scale=0.02, size=3)
+            turn = Rotation.from_rotvec(rng.normal(scale=0.12, size=3)) * turn
+            place = place * min(1.0, 0.5 / np.linalg.norm(place))
+        poses.append(Pose.from_rotation(place, turn.as_matrix() @ GRIPPER.rotation))
+    return poses
+
+
+def test_what_falls_does_not_swing_past_the_back_of_a_grip():
+    # it did, and lost two turns: it comes to rest on what stands for that grip
+    poses = walk(19, 36)
+    found = simulator(self_contact=True).track([GRIPPER] * 36, far_ends=[*map(FarEnd, poses)])
+    assert all(one.converged for one in found)
+    assert all(one.passed_itself is False for one in found)
+    assert any(one.jumped for one in found)
+    turned = [(np.linalg.norm(Rotation.from_matrix(b.rotation @ a.rotation.T).as_rotvec()))
+              for a, b in zip(poses, poses[1:], strict=False)]
+    assert (np.abs(np.diff(links(found))) < np.array(turned) / np.pi).all()
+    last = found[-1]
+    assert any(one.other_s > LENGTH for one in last.self_contacts)
+    # the grip has its forces, and moments
+    total = last.gripper_wrench + last.far_wrench
+    total[3:] += np.cross(last.positions[-1] - last.positions[0], last.far_wrench[:3])
+    assert np.abs(total[:3]).max() < 1e-10
+    assert np.abs(total[3:]).max() < 1e-4 * np.abs(last.far_wrench[3:]).max()
+    assert last.section_forces.imbalance < 1e-8
+
+
 def test_what_does_not_bend_back_is_as_without():
     poses = [Pose.looking_along((0, 0, 0), (1, 0, z)) for z in (0.0, 0.2, 0.5)]
     one, other = simulator(self_contact=True), simulator()
@@ -156,6 +194,8 @@ def test_many_of_them_are_those_of_one_at_a_time():
     assert shape.self_contacts
     for found in (solve_many(one, GRIPPER, rods=[rod])[0], solve_many(one, [GRIPPER])[0]):
         np.testing.assert_array_equal(found.positions, shape.positions)
+        assert found.self_contacts == shape.self_contacts
+        assert found.status == shape.status
 
 
 def test_what_has_no_side_to_go_to_is_no_answer_and_no_error():
@@ -176,17 +216,76 @@ def test_places_move_along():
 
 
 @pytest.mark.parametrize(('more', 'message'), [
-    ({'obstacles': [Plane((0, 0, -1), (0, 0, 1))]}, 'expected False with obstacles'),
+    ({'rod': Rod.rectangular(length=1.0, width=0.01, thickness=0.001, youngs_modulus=2e11,
+                             density=7850.0, poisson_ratio=0.3)}, 'with a rectangular section'),
     ({'grip': 'pinned'}, "expected False with grip = 'pinned'"),
 ])
 def test_what_it_does_not_go_with_is_refused(more, message):
     with pytest.raises(InvalidTask, match=message):
-        simulator(self_contact=True, **more)
+        DirectSimulator(**{'rod': ROD, 'self_contact': True, **more})
 
 
-def test_motions_are_refused():
-    with pytest.raises(InvalidTask, match='self_contact = True: expected'):
-        simulator(self_contact=True).simulate([GRIPPER] * 3, 0.01)
+@pytest.mark.parametrize('friction', [0.0, 0.3])
+def test_a_coil_that_is_let_down_on_a_floor_lies_on_itself(friction):
+    floor = Plane((0, 0, 0), (0, 0, 1), friction=friction)
+    rod = replace(coil(1.5), natural_curvature=(0.0, 3 * np.pi / LENGTH))
+    one, shape = DirectSimulator(rod, basis='local', n_elements=32, obstacles=[floor],
+                                 self_contact=True), None
+    for z in np.arange(0.12, 0.029, -0.015):
+        shape = one.solve(Pose.looking_along((0, 0, z), (1, 0, -0.1)), shape)
+        assert shape.converged
+        assert shape.passed_itself is False
+    assert shape.self_contacts
+    assert len(shape.contacts) > 5
+    assert shape.lies_in_itself is False
+    assert shape.positions[1:, 2].min() > RADIUS * (1 - 1e-4)
+    for contact in shape.contacts:
+        assert np.linalg.norm(contact.friction) <= friction * contact.force * (1 + 1e-9) + 1e-12
+    # what the gripper and the floor bear is the weight
+    total = shape.gripper_wrench[:3] + sum(contact.vector for contact in shape.contacts)
+    weight = 0.035 * LENGTH * 9.81
+    np.testing.assert_allclose(total, [0, 0, weight], atol=1e-6 * weight)
+    inside = shape.section_forces
+    assert inside.imbalance < 1e-6 * weight
+    moments = inside.at_nodes(shape.s)[1]
+    wanted = shape.bent * np.array([0.8 * EI, EI, EI])
+    assert np.abs(0.5 * (moments[1:] + moments[:-1]) - wanted).max() < 0.05 * np.abs(wanted).max()
+
+
+@pytest.fixture(scope='module')
+def wound_up():
+    """Return the motion in which a twisted rod throws a loop, of strands that bear or do not."""
+    instants = np.arange(0.0, 1.601, 0.02)
+    ends = [far(1.0 + 2.0 * time) for time in instants]
+    damped, found = replace(ROD, damping=(0.0, 0.002)), []
+    for bears in (True, False):
+        one = DirectSimulator(damped, basis='local', n_elements=48, gravity=(0, 0, 0),
+                              self_contact=bears)
+        start = one.track([GRIPPER] * 5, far_ends=[far(k / 4) for k in range(5)])[-1]
+        found.append(one.simulate([GRIPPER] * instants.size, 0.02, far_ends=ends, initial=start))
+    return found
+
+
+def test_strands_that_hit_each_other_in_a_motion_do_not_pass(wound_up):
+    bearing, passing = wound_up
+    assert passing.status == 'self-passage'
+    assert bearing.status == 'complete'
+    turned = 2.0 * (bearing.times - bearing.times[0])
+    np.testing.assert_allclose(links(bearing.shapes), 1.0 + turned, atol=1e-6)
+    nearest = min(shape.self_distance for shape in bearing.shapes)
+    assert 0.95 * 2 * RADIUS < nearest < 1.05 * 2 * RADIUS
+    last = bearing.shapes[-1]
+    assert last.self_contacts  # by springs, which give
+    assert max(one.penetration for one in last.self_contacts) < 0.01 * RADIUS
+    assert last.lies_in_itself is False
+
+
+def test_a_motion_that_winds_itself_up_gains_no_energy(wound_up):
+    motion = wound_up[0]
+    moved = motion.kinetic_energy.max()
+    assert moved > 1e-3
+    assert np.diff(motion.numerical_loss).min() > -2e-3 * moved
+    assert motion.numerical_loss[-1] < 0.1 * moved
 
 
 def test_it_needs_a_radius():

@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 from dlo_planner.direct.discretization import Discretization, even_mesh
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
-from dlo_planner.energy.strands import SOFT, Strands, near_pairs, nearest_points
+from dlo_planner.energy.strands import NO_RAYS, SOFT, Strands, near_pairs, nearest_points
 from dlo_planner.geometry.self_distance import self_distance
 from dlo_planner.minimize.hessian import assemble, factorize, new_hessian, solve
 from dlo_planner.model.rod import Rod
@@ -25,9 +25,11 @@ def coil(request):
     """Return a coil of which two turns touch, and the unknowns of a shape near it."""
     around = Surroundings(ROD, np.zeros(3), self_contact=True)
     mesh = Discretization(around, even_mesh(1.0, N, np.zeros(0)), request.param, 6)
-    pairs = np.array([[0, 8], [1, 9], [2, 10], [2, 9]])
+    # the last two: what goes straight on behind both ends
+    pairs = np.array([[0, 8], [1, 9], [2, 10], [2, 9], [-1, 7], [4, N]])
+    rays = np.array([[0.6, 0.1, 0.0], [-0.5, 0.5, 0.3]])
     system = mesh.full._replace(strands=Strands(
-        pairs, np.array([0.3, 0.0, 0.1, 0.2]), np.full(4, 0.25), mesh.radii, 4.0))
+        pairs, np.array([0.3, 0.0, 0.1, 0.2, 0.3, 0.2]), np.full(6, 0.25), mesh.radii, rays, 4.0))
     q = mesh.unknowns(mesh.natural + np.random.default_rng(3).normal(scale=0.2, size=(N, 3)))
     return system, q
 
@@ -82,7 +84,7 @@ def test_nearest_points_of_chords_against_scipy():
         points = rng.normal(size=(4, 3))
         lengths = np.array([np.linalg.norm(points[1] - points[0]), 1.0,
                             np.linalg.norm(points[3] - points[2])])
-        s, t, distance = nearest_points(lengths, points, 0, 2)
+        s, t, distance = nearest_points(lengths, NO_RAYS, points, 0, 2)
 
         def square(x, points=points, lengths=lengths):
             w = (points[0] + x[0] * (points[1] - points[0]) - points[2]
@@ -101,11 +103,30 @@ def test_pairs_are_those_that_the_self_distance_is_of():
                           even_mesh(1.0, 60, np.zeros(0)), 'local', 0)
     system = mesh.system(np.eye(3))
     _, state = at(system, mesh.unknowns(mesh.natural))
-    arrays = [np.array(one) for one in (system.lengths, state.strains, state.positions)]
-    gap = self_distance(arrays[0], arrays[1], np.array(state.rotations), arrays[2], mesh.radii,
+    arrays = [np.array(one) for one in (system.lengths, state.strains, NO_RAYS, state.positions)]
+    gap = self_distance(arrays[0], arrays[1], np.array(state.rotations), arrays[3], mesh.radii,
                         np.inf, np.inf)[1]
     found = np.empty((500, 2), dtype=np.int64)
     assert near_pairs(*arrays, mesh.radii, gap - 2e-3, found) == 0
     count = near_pairs(*arrays, mesh.radii, gap + 2e-3, found)
     assert 0 < count < 500
     assert (found[:count, 1] - found[:count, 0] > 20).all()  # none of one turn
+
+
+def test_pairs_behind_an_end_are_those_of_what_has_gone_back():
+    # a circle of which a quarter turn is left, and back across the line behind its beginning
+    angles = np.concatenate([np.linspace(0, 1.5 * np.pi, 31), np.full(9, 1.5 * np.pi)])
+    steps = np.column_stack([np.cos(angles), np.sin(angles), np.full(40, 0.02)])
+    positions = np.vstack([np.zeros(3), np.cumsum(0.05 * steps, axis=0)])
+    crosses = 3 + int(np.argmax((positions[4:-1, 1] > 0) != (positions[5:, 1] > 0))) + 1
+    lengths, strains = np.full(40, 0.05), np.zeros((40, 3))
+    strains[:30, 2] = np.diff(angles)[:30] / 0.05
+    rays = np.array([[2.0, 0, 0], [0, 0, 0]])
+    apart = nearest_points(lengths, rays, positions, -1, crosses)[2]
+    assert apart == pytest.approx(0.02 * 0.05 * (crosses + 0.5), abs=5e-4)
+    found, radii = np.empty((50, 2), dtype=np.int64), np.full(40, 0.3 * apart)
+    assert near_pairs(lengths, strains, rays, positions, radii, 0.0, found) == 0
+    count = near_pairs(lengths, strains, rays, positions, radii, 0.5 * apart, found)
+    assert [-1, crosses] in found[:count].tolist()
+    assert (found[:count, 1] > 20).all()  # none that leaves it
+    assert near_pairs(lengths, strains, NO_RAYS, positions, radii, 0.5 * apart, found) < count

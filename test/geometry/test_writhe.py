@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.geometry.self_passage import bends_back, first_passage, passes_itself
+from dlo_planner.geometry.self_passage import bends_back, first_passage, passes_itself, passes_ray
 from dlo_planner.geometry.writhe import link, writhe
 
 CROSSING = np.array([[-1.0, 0, 0.1], [1, 0, 0.1], [2, 2, 0], [0, 3, 0], [0, 1, 0], [0, -2, 0]])
@@ -55,16 +55,17 @@ def meets_by_sampling(before, after, samples=400):
 def test_what_lies_in_a_plane_has_no_writhe(rng):
     t = np.linspace(0, 20, 60)
     plane = np.column_stack([t * np.cos(t), t * np.sin(t), 0 * t])  # a spiral
-    assert writhe(plane) == 0
+    assert writhe(plane, False) == 0
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    assert abs(writhe(plane @ turn)) < 1e-6  # arcsin near 1 has the root of rounding
+    assert abs(writhe(plane @ turn, False)) < 1e-6  # arcsin near 1 has the root of rounding
 
 
 @pytest.mark.parametrize('p, q', [(2, 3), (3, 2), (2, 5)])
 def test_writhe_of_knots_is_the_gauss_integral(p, q):
     knot = torus_knot(p, q, 1200)
-    assert writhe(knot) == pytest.approx(gauss_integral(knot), rel=1e-4)
-    assert writhe(knot * (1, 1, -1)) == pytest.approx(-writhe(knot), abs=1e-9)  # in a mirror
+    assert writhe(knot, False) == pytest.approx(gauss_integral(knot), rel=1e-4)
+    mirrored = knot * (1, 1, -1)
+    assert writhe(mirrored, False) == pytest.approx(-writhe(knot, False), abs=1e-9)
 
 
 def test_writhe_of_a_helix_is_the_part_of_its_turns_that_is_not_torsion():
@@ -73,7 +74,7 @@ def test_writhe_of_a_helix_is_the_part_of_its_turns_that_is_not_torsion():
     t = np.linspace(0, 2 * np.pi * turns, 80 * turns + 1)
     helix = np.column_stack([radius * np.cos(t), radius * np.sin(t), pitch * t / (2 * np.pi)])
     slope = pitch / np.hypot(2 * np.pi * radius, pitch)
-    assert writhe(helix) == pytest.approx(turns * (1 - slope), rel=0.02)
+    assert writhe(helix, False) == pytest.approx(turns * (1 - slope), rel=0.02)
 
 
 def test_a_strand_led_through_another_changes_writhe_by_two():
@@ -82,10 +83,26 @@ def test_a_strand_led_through_another_changes_writhe_by_two():
     for height in heights:
         points = CROSSING.copy()
         points[:2, 2] = height
-        values.append(writhe(points))
+        values.append(writhe(points, False))
     jumps = np.diff(values)
     assert np.abs(jumps).max() == pytest.approx(2, abs=1e-2)
     assert np.sort(np.abs(jumps))[-2] < 0.01
+
+
+def test_passages_through_what_goes_straight_on_are_those_of_one_more_chord(rng):
+    found = 0
+    for _ in range(150):
+        before = np.cumsum(rng.normal(size=(8, 3)), axis=0)
+        after = before + rng.normal(size=before.shape) * rng.choice([0.1, 0.3])
+        ray = 4.0 * rng.normal(size=3)
+        longer = [np.vstack([points, points[-1] + ray]) for points in (before, after)]
+        passes = passes_ray(ray, ray, 7, before, after)
+        if not passes_itself(before, after):
+            assert passes == passes_itself(*longer)
+        assert passes_ray(ray, ray, 0, before[::-1].copy(), after[::-1].copy()) == passes
+        found += passes
+    assert found > 4
+    assert not passes_ray(np.zeros(3), np.zeros(3), 7, before, after)
 
 
 def test_passages_are_those_of_a_plain_look_at_many_instants(rng):
@@ -154,6 +171,17 @@ def test_passages_are_looked_at_from_where_the_curve_is_held(rng):
         assert (first_passage(lengths, strains, frames, rows) == 0) == passes
         differ += passes_itself(before, carried) != passes  # as the world sees it
     assert differ > 1
+
+
+def test_link_does_not_tell_that_straight_ends_cross_each_other():
+    # of a bend by half a turn, a little less or more: its ends cross far behind, or do not
+    known = [link(*arc(np.pi + more), 0.0) for more in (-0.02, 0.02)]
+    assert known[0] == pytest.approx(known[1], abs=0.02)
+    out = Rotation.from_rotvec([0.0, 0.02, 0.0]).as_matrix()
+    for more in (-0.02, 0.02):  # the same out of the plane
+        lengths, strains, frames, positions = arc(np.pi + more)
+        frames[-1] = out @ frames[-1]
+        assert link(lengths, strains, frames, positions, 0.0) == pytest.approx(known[0], abs=0.02)
 
 
 def test_link_of_a_flat_bend_is_its_twist():
