@@ -563,7 +563,9 @@ class Shape(Pictured):
         """Largest distance of a node from the true rod's, m.
 
         From an embedded solution with every element halved and freed from the series (computed
-        when first read; it costs about as much as the solution itself). Where a DLO has yielded, at
+        when first read; it costs about as much as the solution itself). Where `accuracy` was asked
+        for, and the mesh before foretold the error to leading order, it is the same on this mesh if
+        both agree within a quarter. Where a DLO has yielded, at
         least the largest one of the steps that made its permanent set; of a set that a motion made
         nothing is known here, see `Motion.error_estimate`.
         """

@@ -10,6 +10,7 @@ from references.kirchhoff import true_held_rod, true_rod
 
 from dlo_planner import Box, Capsule, DirectSimulator, FarEnd, PointLoad, Pose, Rod
 from dlo_planner.direct import accuracy as accuracy_module
+from dlo_planner.direct import statics
 from dlo_planner.direct.accuracy import mode_may_be_missed, surely_within
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
@@ -86,6 +87,22 @@ def test_the_last_mesh_is_the_second_and_the_shape_is_foreseen_there(tip_mass, m
     assert simulator.discretization(LEVEL, shape) is shape.mesh
     assert shape.converged and len(searches) == 2 and shape.iterations <= 2
     assert 0.3e-6 < shape.error_estimate < 0.8e-6
+
+
+def test_an_error_that_two_meshes_agree_on_is_not_looked_for_on_a_third(monkeypatch):
+    rod = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
+    simulator, error_of, asked = DirectSimulator(rod, accuracy=1e-6), statics.estimated, []
+    monkeypatch.setattr(statics, 'estimated', lambda *given: asked.append(1) or error_of(*given))
+    shape = simulator.solve(LEVEL)
+    error = shape.error_estimate
+    assert not asked
+    # where they do not agree, halved elements tell; both find the same here
+    leading = accuracy_module.discretization_error
+    monkeypatch.setattr(accuracy_module, 'discretization_error',
+                        lambda *given: 1.3 * leading(*given))
+    other = simulator.solve(LEVEL)
+    assert asked and other.s.size == shape.s.size
+    assert other.error_estimate == pytest.approx(error, rel=1e-3)
 
 
 @pytest.mark.parametrize('rod', [
