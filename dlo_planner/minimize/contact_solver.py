@@ -5,9 +5,8 @@
 Shape and contact forces are sought at once (`minimize.semismooth`), near where the DLO is. Where
 that finds nothing, a DLO at rest that lies on something with several points follows its flow, in
 which all contact forces of a step are found at once (`minimize.quasi_static`). Where this finds
-nothing on a local basis, no other method does. Where few points bear, or nothing has been touched
-yet, the DLO is brought nearer to rest first (`minimize.relaxation`), in a few stages; two of these
-come before the flow.
+nothing, or nothing has been touched yet, the DLO is brought nearer to rest first
+(`minimize.relaxation`), in a few stages; where few points bear, two of these come before the flow.
 What is found is judged as any other minimum: the points that bear are those that `active_set`
 chooses, and the shape stands; else it leaves its saddle, and all begins anew. What is judged is the
 residual with the limits of friction: it has no potential.
@@ -180,8 +179,8 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             return state, residual, stability, steps, kicks, system, violation
         set_reaction(hold, first)
         kicks = 0  # what falls through obstacles falls nowhere
-    # (a DLO that is set down has no way along which it could have rubbed; what moves has more to
-    # obey; between few points a series waves, and relaxation is as quick)
+    # (a DLO that is set down has no way along which it could have rubbed; between few points a
+    # series waves, and relaxation is as quick)
     may_flow = not (on_a_way or past.shape[0] == 0)
     while max_iterations > 0:
         many = _bearing(there.effects.contact.contacts) >= _MANY
@@ -230,8 +229,9 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
                 return state, residual, stability, steps, kicks + falls, loaded, violation
             set_reaction(hold, reaction)
             kicks += stability == -np.inf  # it falls
-            # (what relaxes many points finds no more than this, but for a series)
-            if many and system.basis.shape[1] == 0 or stability == -np.inf:
+            # (relaxation finds what has let go of a hand, and a series; a step of a motion can be
+            # made in halves, which takes less than to relax)
+            if stability == -np.inf or many and has_inertia(system.effects.anchor):
                 break
         there, begin, moves = _pressed_out(
             there, begin, length * (_STUCK if attempt > 0 else _DEEP), tolerance, exact,
