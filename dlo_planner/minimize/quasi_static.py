@@ -301,7 +301,7 @@ def next_shift(shift, error, tried, floor):
 
 @kernel
 def loads_on(system):
-    """Return the size of all forces on a DLO, N: of loads, inertia and its own rigidity."""
+    """Return the size of all forces on a DLO, N: of loads and of its own rigidity."""
     length = np.sum(system.lengths)
     return np.sum(np.abs(system.effects.load.pull)) + bending_energy(system) / length
 
