@@ -671,3 +671,21 @@ def test_a_grip_that_starts_abruptly_makes_no_energy(obstacles, damping):
         moved = motion.kinetic_energy.max() + np.ptp(motion.potential_energy)
         assert motion.numerical_loss.min() > -5e-3 * moved
         assert motion.numerical_loss.max() < 0.03 * moved
+
+
+def test_what_moves_on_many_points_finds_their_forces_at_once():
+    # a soft cable that comes to lie on 20 points: 185 Newton steps in all; 635 where the strength
+    # of inertia counts as a force, 368 one point after another, 270 with depths as small as at rest
+    rod = Rod(1.0, 0.035, 1.2e-3, 0.9e-3, radius=2.25e-3)
+    here, friction = Pose((0, 0, 0.01), (0, 0, 0, 1)), 0.4
+    level = DirectSimulator(rod, basis='local', n_elements=24, gravity=(0, 0, 0)).solve(here)
+    direct = DirectSimulator(rod, basis='local', n_elements=24,
+                             obstacles=[Plane((0, 0, 0), (0, 0, 1), friction)])
+    motion = direct.simulate([here] * 61, 2e-3, initial=level, tolerance=np.inf)
+    lying = [shape for shape in motion.shapes if len(shape.contacts) >= 4]
+    assert motion.converged and len(lying) > 30
+    assert sum(shape.iterations for shape in lying) < 230
+    assert max(shape.violation for shape in lying) < 1e-6
+    for shape in lying:
+        for contact in shape.contacts:
+            assert np.linalg.norm(contact.friction) <= friction * contact.force * (1 + 1e-9)
