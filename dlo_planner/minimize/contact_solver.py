@@ -180,8 +180,9 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
         set_reaction(hold, first)
         kicks = 0  # what falls through obstacles falls nowhere
     # (a DLO that is set down has no way along which it could have rubbed; between few points a
-    # series waves, and relaxation is as quick)
-    may_flow = not (on_a_way or past.shape[0] == 0)
+    # series waves, and relaxation is as quick, as it is for a series that moves)
+    moves_on = has_inertia(system.effects.anchor)
+    may_flow = not (on_a_way or past.shape[0] == 0 or moves_on and system.basis.shape[1] > 0)
     while max_iterations > 0:
         many = _bearing(there.effects.contact.contacts) >= _MANY
         flows = (may_flow and not tried and (many or attempt >= _TRIES)
@@ -231,7 +232,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             kicks += stability == -np.inf  # it falls
             # (relaxation finds what has let go of a hand, and a series; a step of a motion can be
             # made in halves, which takes less than to relax)
-            if stability == -np.inf or many and has_inertia(system.effects.anchor):
+            if stability == -np.inf or many and moves_on:
                 break
         there, begin, moves = _pressed_out(
             there, begin, length * (_STUCK if attempt > 0 else _DEEP), tolerance, exact,
