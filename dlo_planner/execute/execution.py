@@ -212,8 +212,11 @@ class Execution:
         if self.phase not in ('running', 'settling', 'waiting'):
             return self
         named = replace(self, cause=cause, reason=reason, since=0.0)
-        if at_once or self.command is None or self.phase in ('settling', 'waiting'):
+        ended = self.phase == 'waiting' or self.phase == 'settling' and self.alone
+        if at_once or self.command is None or ended:
             return replace(named, phase='stopped')
+        if self.phase == 'settling':  # single commands, which are behind, come to rest
+            return replace(named, phase='stopping', pace=())
         lead = int(np.ceil(LEAD / self.period - 1e-9)) if self.horizon else 0
         return replace(named, phase='stopping', pace=tuple(map(float, decelerate(
             self.ways, self.done, self.kept, self.period, lead, self.rising, lasting))))
@@ -545,7 +548,9 @@ class Execution:
         if barred:
             return Cause.NOT_ENABLED, barred
         stops = self.phase == 'stopping' and self.horizon > 0  # by a message that may be lost
-        if not (self.phase == 'running' or stops) or feedback is None or self.command is None:
+        behind = self.phase == 'settling' and not self.alone  # a robot may be, with what it is sent
+        moves = self.phase == 'running' or stops or behind
+        if not moves or feedback is None or self.command is None:
             return None
         away = self._left(feedback, stamp)
         if away is not None:

@@ -140,6 +140,24 @@ def test_an_arm_that_does_not_follow_stops_all(horizon):
     assert max(parts(robots).values()) < ROUNDED
 
 
+@pytest.mark.parametrize('late', [3, 8])
+def test_an_arm_that_stands_still_is_noticed_when_the_preview_has_ended(late):
+    # a robot that follows single commands is as far behind as this machine is
+    robots = Robots(begun(1.0, path_position=0.15, path_angle=0.0,
+                          incoming_command_timeout=1.0))
+    robots.stuck = ('second',)
+    robots.run(2000, period=late * PERIOD)
+    execution = robots.execution
+    assert (execution.phase, execution.cause) == ('stopped', Cause.PATH_TOLERANCE)
+    assert execution.done == WAY.duration
+    assert 'the arm second is 0.15' in execution.reason
+    # what single commands led comes to rest within its limits
+    assert execution.single.phase == 'stopped' and execution.single.done < WAY.duration
+    for poses in robots.sent.values():
+        frames = frames_of([*[poses[0]] * 3, *poses, *[poses[-1]] * 3])
+        assert used(frames, LIMITS, PERIOD) < ROUNDED
+
+
 def test_an_arm_that_should_stand_still_and_is_moved_stops_all():
     robots = Robots(begun()).run(int(0.3 * WAY.duration / PERIOD))
     robots.stuck = ('third',)
