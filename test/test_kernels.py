@@ -259,4 +259,4 @@ def test_the_exercises_use_every_kernel():
                           check=True, env={**os.environ, 'NUMBA_DISABLE_JIT': '0'})
     number, left_out, kinds = json.loads(done.stdout.splitlines()[-1])
     assert number > 100 and not left_out
-    assert kinds['lowest_mode'] == 4  # as CONTRIBUTING.md says
+    assert kinds['lowest_mode'] == 3  # as CONTRIBUTING.md says
