@@ -146,6 +146,7 @@ class Execution:
     limiter: Limiter | None = None  # None before the first command
     pace: tuple[float, ...] = ()    # `done` in the coming periods, where time does not run evenly
     rising: Rising | None = None    # where it begins to
+    lasting: float = 0.0      # s that its stop takes at least
     since: float = 0.0        # s since the end, by ticks: one that is late counts a period
     last: float | None = None  # time of the last tick
     deadline: float | None = None  # time at which the last command was due
@@ -211,7 +212,7 @@ class Execution:
                                                      f'{reason}')
         if self.phase not in ('running', 'settling', 'waiting'):
             return self
-        named = replace(self, cause=cause, reason=reason, since=0.0)
+        named = replace(self, cause=cause, reason=reason, since=0.0, lasting=lasting)
         ended = self.phase == 'waiting' or self.phase == 'settling' and self.alone
         if at_once or self.command is None or ended:
             return replace(named, phase='stopped')
@@ -246,6 +247,16 @@ class Execution:
         canceled = self.phase == 'stopped' and self.cause == Cause.CANCELED
         return canceled and not self.pace and self.published_until > self.done
 
+    @property
+    def _unheard(self) -> bool:
+        """Whether a robot follows a preview in which the motion does not stop yet."""
+        return self.phase == 'stopping' and self.published_phase == 'running'
+
+    def _going_on(self, steps: int) -> 'Execution':
+        """Return the execution that stops so many commands later: until then the robot went on."""
+        there = replace(self, phase='running', pace=(), cause=Cause.DONE, reason='')
+        return there.advanced(steps).stop(self.cause, self.reason, lasting=self.lasting)
+
     def canceled(self) -> 'Execution':
         """Return the execution after `cancel`."""
         return self.stop(Cause.CANCELED, 'canceled', not self.guards.decelerate_on_cancel)
@@ -278,7 +289,7 @@ class Execution:
         next_one = timed.stop(*fault) if fault else timed
         if not self.horizon and waited > max(_LATE, 2.5 * self.period):
             next_one = next_one._from_rest()
-        next_one = next_one.advanced(steps)
+        next_one = next_one._going_on(steps) if next_one._unheard else next_one.advanced(steps)
         if steps or self.stamp is None or turned_back:
             due = timed.deadline if self.horizon else None
             next_one = next_one._remembered(stamp if due is None else due)
@@ -318,7 +329,8 @@ class Execution:
         """Return in words why the rest is another motion after so many s, '' if it is not."""
         limit, name = self.guards.longest_pause, 'longest_pause'
         if self.horizon:
-            knows_all = self.phase != 'running' or self.published_until >= self.way.duration
+            goes_on = self.phase == 'running' or self._unheard
+            knows_all = not goes_on or self.published_until >= self.way.duration
             limit, name = 0.0 if knows_all else self.published_until - self.done, 'horizon'
         if not limit or passed <= limit + 1e-9:
             return ''

@@ -127,6 +127,19 @@ def test_a_stop_keeps_the_limits_of_the_quickest_arm(horizon, share):
         assert one.phase == 'stopped' and one.done == robots.execution.done
 
 
+@pytest.mark.parametrize('late', [1, 6, 15, 40])
+@pytest.mark.parametrize('share', [0.2, 0.4, 0.95])
+def test_a_stop_that_goes_out_late_begins_where_the_robots_are(late, share):
+    # until it goes out they follow the preview before it
+    robots = Robots(begun(1.0)).run(int(share * WAY.duration / PERIOD))
+    robots.execution = robots.execution.canceled()
+    robots.now += (late - 1) * PERIOD
+    robots.run(2000)
+    assert robots.execution.phase in ('stopped', 'succeeded')
+    in_step(robots)
+    assert max(parts(robots).values()) < ROUNDED
+
+
 @pytest.mark.parametrize('horizon', [0.0, 1.0])
 def test_an_arm_that_does_not_follow_stops_all(horizon):
     robots = Robots(begun(horizon)).run(int(0.3 * WAY.duration / PERIOD))
