@@ -65,14 +65,14 @@ class Motion(Filmed):
     potential_energy : ndarray, shape (n,)
         Potential energy in J; gravity's zero at the world's origin.
     work : ndarray, shape (n,) or None
-        Work of the gripper and a held far end on the DLO since time 0, J.
+        Work of the gripper and of holds on the DLO since time 0, J.
     losses : ndarray, shape (n, 3) or None
         Energy lost since time 0 to damping, plastic deformation and friction, J.
     tolerance : float
         The tolerance that was asked for, m.
     status : str
         'complete'; 'unsolved': a step could not be solved; 'energy': a step gained energy, however
-        short it was made; 'blocked': the gripper, or what holds the far end, is led into an
+        short it was made; 'blocked': the gripper, or what else holds the DLO, is led into an
         obstacle, with the axis of the DLO, so that no shape can follow; 'self-passage': the motion
         has come to its end, but on the way the DLO passed through itself (the shapes from there on
         say so).

@@ -77,7 +77,7 @@ def evaluated(system: Problem, q: Floats) -> Configuration:
 #
 # The joint is one more element before the DLO: almost without length, so that it moves nothing, and
 # almost without stiffness. Its three strains are the rotation of the beginning, an unknown like any
-# other, so contacts, a far end and the judgement of stability work as they do for a clamp. What is
+# other, so contacts, holds and the judgement of stability work as they do for a clamp. What is
 # found is given back as a DLO that is clamped as it hangs, which the gripper's moment, zero,
 # confirms.
 

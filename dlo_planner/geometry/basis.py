@@ -161,7 +161,7 @@ def very_twisted(turn: Any) -> Any:
 def equidistribute(lengths: Floats, strains: Floats) -> Floats:
     """Return (N + 1,) where the nodes of a known shape lie on the best mesh, as parts of it.
 
-    An arc whose strain should change at the rate u' misplaces its far end by about h^3 |u'|, so
+    An arc whose strain should change at the rate u' misplaces its end by about h^3 |u'|, so
     the best density of elements goes with the cube root of |u'|; a floor keeps a third of the
     elements for where nothing seems to happen.
 

@@ -96,14 +96,14 @@ def fill_blocks(displaced, lengths, strains, arcs, scale, rotations, positions, 
 def element_blocks(h, strain, c, scale, frame, force, moment, rolling):
     """Return what the strain of one element does to all that lies beyond it.
 
-    That is its rotation and displacement at the element's far end; the change of the element's
+    That is its rotation and displacement at the element's end; the change of the element's
     gradient per rotation of what lies before it; the second derivative by its own strain, as
     (xx, yy, zz, xy, xz, yz).
 
     Args:
         h: length, m; strain, scale: (3 numbers); c: `so3.coefficients`
         frame: (9 numbers) rotation at its beginning
-        force, moment: (3 numbers) of the loads beyond, about its far end, as derivatives of the
+        force, moment: (3 numbers) of the loads beyond, about its end, as derivatives of the
             potential
         rolling: (9 numbers) second derivative of the potential by rotations of all that lies
             beyond: of dead loads first - trace I, of their first moment

@@ -245,7 +245,7 @@ def add_gradient(lengths, strains, arcs, rotations, positions, pull, attached, g
             about its own origin, world frame
     """
     place = last_point(attached)
-    # sum of pull beyond the element, and their moment about the element's far end
+    # sum of pull beyond the element, and their moment about the element's end
     force, moment = NOTHING, NOTHING
     for k in range(lengths.size):
         e = lengths.size - 1 - k
@@ -271,7 +271,7 @@ def add_gradient(lengths, strains, arcs, rotations, positions, pull, attached, g
 def _add_points(attached, place, e, h, strains, frame, force, moment, gradient):
     """Add what acts inside element e to its gradient; return place, force and moment before it.
 
-    A point is the far end of an element as well: of the part of this one that is before it.
+    A point is the end of an element as well: of the part of this one that is before it.
     """
     if attached is None:
         return place, force, moment

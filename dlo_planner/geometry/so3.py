@@ -303,7 +303,7 @@ def slope(x, y, z, h, force, moment, c):
     That is J^T moment + (d(h J e1) / dphi)^T force, written out; c: `coefficients`.
 
     Args:
-        force: (3 numbers) on the far end, as derivative of the potential, in this element's frame
+        force: (3 numbers) on the end, as derivative of the potential, in this element's frame
         moment: likewise, about that end
     """
     a2 = x * x + y * y + z * z
@@ -327,7 +327,7 @@ def slope(x, y, z, h, force, moment, c):
 def second_derivatives(x, y, z, h, force, moment, c):
     """Return (9 numbers) the second derivative of a load's potential through this one element.
 
-    For a dead force b on the far end and a moment a about it (both in this element's frame,
+    For a dead force b on the end and a moment a about it (both in this element's frame,
     as derivatives of the potential): d2/dphi2 of b . h J(phi) e1, plus the part of the rotation's
     second variation that comes from dJ/dphi, i.e. the quadratic form a . (dJ[d] d). c:
     `coefficients`.

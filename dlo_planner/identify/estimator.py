@@ -541,7 +541,7 @@ def _median_distance(shape: Shape, points: Floats, bent: Floats | None = None) -
 class RigidMotion(NamedTuple):
     """How a body moves."""
 
-    speed: float         # m/s, of a DLO's far end at most
+    speed: float         # m/s, of a DLO's tip at most
     acceleration: float  # m/s^2, the same
     twist: Floats        # (6,) angular velocity, rad/s, and velocity, m/s, world axes
 

@@ -76,7 +76,7 @@ def integrate_from_tip(system: Problem, end: Floats) -> tuple[Floats, Floats]:
                 u[i] = natural[e, i]
             elif e < n - 2:
                 u[i] = 2 * strains[e + 1, i] - strains[e + 2, i]
-        # in the frame of the element's far end
+        # in the frame at the element's end
         far_force = transposed_applied(frame, force)
         far_moment = transposed_applied(frame, moment)
         for _ in range(_ROUNDS):

@@ -120,7 +120,7 @@ def kkt_residual(system: Problem, q: Floats) -> tuple[Configuration, float, Touc
 
     The limits of friction are mu times the forces of this state, so that the residual is that of
     the law of Coulomb. What is violated: a contact that bears has no gap; a point that sticks has
-    not moved; one that slides has moved against its friction; a held far end is in its grip.
+    not moved; one that slides has moved against its friction; what is held is in its grips.
     """
     state = new_configuration(system)
     state.q[:] = q

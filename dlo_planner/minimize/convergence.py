@@ -121,7 +121,7 @@ SETTLED = 1e-8  # decrement that is promised
 def decrement_of(system: Problem, state: Configuration) -> float:
     """Return Newton's decrement, relative as the residual; infinite where there is no minimum.
 
-    With a held far end it is that of what the grip leaves free.
+    Where the DLO is held it is that of what the grips leave free.
     """
     hessian, step = new_hessian(system), np.empty_like(state.q)
     if not assembled_definite(system, state, hessian, 0.0):

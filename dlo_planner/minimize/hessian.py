@@ -113,7 +113,7 @@ def _add_proximal(system, diagonal):
 def factorize(system, hessian, shift):
     """Factorize H + shift I; return how many of its eigenvalues are not positive.
 
-    With a held far end these are the eigenvalues on what the grip leaves free (Haynsworth).
+    Where the DLO is held these are the eigenvalues on what the grips leave free (Haynsworth).
     """
     negative = _factorize_without_border(system, hessian, shift, _ALL)
     return negative - _bordered(system, hessian, hessian.border)
@@ -208,7 +208,7 @@ def _added_by_pairs(system, hessian, coupling):
 def solve(system, hessian, right, out):
     """Fill out (m, 3) with the solution of (H + shift I) out = right (m, 3).
 
-    With a held far end `out` keeps to what the grip leaves free, and the equation holds there.
+    Where the DLO is held `out` keeps to what the grips leave free, and the equation holds there.
     """
     _solve_without_border(system, hessian, right, out)
     project_on_constraint(hessian.border, out)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Newton's method that can only end in a minimum, or say that it did not: one loop for all DLOs.
 
-Hanging freely, with its far end held, on obstacles, in motion: `newton_descent` is what seeks the
+Hanging freely, held in other places, on obstacles, in motion: `newton_descent` is what seeks the
 shape. What differs is said by Options, or follows from what acts; what is absent is None and is
 compiled away.
 
@@ -172,7 +172,7 @@ def thorough(gtol, ctol, maxiter, check, gauss_newton):
 
 @kernel
 def next_to(gtol, ctol, check, held):
-    """Return the Options of a search for what is near: with a held far end, or in a motion."""
+    """Return the Options of a search for what is near: held in other places, or in a motion."""
     reach, max_age = (_NEXT_HELD, _SAME) if held else (_NEXT, _NEXT)
     return replaced(thorough(gtol, ctol, _FEW, check, not held), 'bounded', not held,
                     'reach', reach, 'max_age', max_age)
@@ -233,7 +233,7 @@ class Descent(NamedTuple):
 
 def newton(system: Problem, q: Floats, tolerance: float, max_iterations: int, check: bool,
            exact: float = 0.0) -> Minimum:
-    """Descend from q to a minimum of the potential that keeps the far end's grip.
+    """Descend from q to a minimum of the potential that keeps to all grips.
 
     Shapes: q (m, 3).
     """

@@ -3,7 +3,7 @@
 """Shape and contact forces together: a semismooth Newton method (Alart and Curnier 1991).
 
 The compliance of the DLO at its contacts comes from solves with Newton's Hessian. With it all
-contact forces follow to first order (`minimize.contact_laws`), and the reaction of a held far end.
+contact forces follow to first order (`minimize.contact_laws`), and the reactions of holds.
 
 In `semismooth_newton` the springs of contacts push with the multipliers alone, whatever the gaps
 and slips are: a gap of the start is closed by a change of the forces, not fought by the springs.
@@ -163,7 +163,7 @@ def complementarity_step(system, state, table, hessian, exchanges, softness, clo
                          normal, shear, step, right, reaction):
     """Fill the forces that obey the linearized laws, the step, and what makes it, `right` (m, 3).
 
-    And the change of the reaction (K,) of a held far end. Return whether forces are found (what
+    And the change of the reactions (K,) of holds. Return whether forces are found (what
     slides by itself is held by none) and no contact moves by more than `farthest` of the length.
 
     `hessian`: factorized; `exchanges`: how often the active set may change; `softness`: by how
@@ -370,7 +370,7 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
 
 @kernel
 def no_reaction(system):
-    """Return zeros (K,), one for each row that a grip of the far end holds."""
+    """Return zeros (K,), one for each row that holds keep."""
     return np.zeros(row_count(system.needs.border))
 
 

@@ -99,7 +99,7 @@ class PlanChecker:
     # index of the obstacle that has to be pressed, in the simulator of the shapes. If None, none
     # has to be
     pressed: int | None = None
-    # largest force (N) and moment (N m) of the gripper and of what holds the far end; None: any
+    # largest force (N) and moment (N m) of the gripper and of what else holds it; None: any
     wrench_limits: tuple[float | None, float | None] = (None, None)
     # largest angle of the DLO against its direction at a waypoint, rad. If None, any
     angle_tolerance: float | None = None
