@@ -47,7 +47,7 @@ _UNWATCHED = Guards(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, True, 0.0)
 # The phases of an execution that has not ended.
 ACTIVE = ('running', 'settling', 'stopping', 'waiting')
 _OFTEN = 0.2  # The next preview is sent after this fraction of the horizon.
-LEAD = 0.1    # s; a robot has heard by then that it has to stop.
+LEAD = 0.1    # s; a robot has heard by then what it was told.
 _REMEMBERED = 1.0  # s; for so long it is known when something was commanded.
 _LATE = 0.25  # s; a robot that waits for a command for longer stands still.
 _LONGER = 1.0, 1.4, 2.0, 2.8  # A correction is blended in over so many times its time, in turn.
@@ -67,8 +67,8 @@ _IN_STEP = ('phase', 'done', 'cause', 'reason', 'pace', 'rising', 'since', 'last
 class Ahead(NamedTuple):
     """The preview: commands of the coming time, so that a machine that is late does no harm.
 
-    All of the coming motion: the horizon, and after it a way to rest along the path, which the next
-    message replaces. So a robot comes to rest within its limits where the messages end. A
+    All of the coming motion: the horizon, and `LEAD` after it a way to rest along the path, which
+    the next message replaces. So a robot comes to rest within its limits where the messages end. A
     controller that takes trajectories with stamps, and replaces what it had from the first point on
     (as joint_trajectory_controller does), needs no more.
     """
@@ -94,7 +94,7 @@ def places_ahead(execution: 'Execution') -> Floats:
     places = np.array([done, *execution.places(steps)])
     if execution.published_until < way.duration:
         places = np.append(places, decelerate(execution.ways, execution.published_until,
-                                              execution.kept, period))
+                                              execution.kept, period, execution.lead))
     return places
 
 
@@ -218,9 +218,13 @@ class Execution:
             return replace(named, phase='stopped')
         if self.phase == 'settling':  # single commands, which are behind, come to rest
             return replace(named, phase='stopping', pace=())
-        lead = int(np.ceil(LEAD / self.period - 1e-9)) if self.horizon else 0
         return replace(named, phase='stopping', pace=tuple(map(float, decelerate(
-            self.ways, self.done, self.kept, self.period, lead, self.rising, lasting))))
+            self.ways, self.done, self.kept, self.period, self.lead, self.rising, lasting))))
+
+    @property
+    def lead(self) -> int:
+        """In how many periods a robot has heard of what is told: until then the motion goes on."""
+        return int(np.ceil(LEAD / self.period - 1e-9)) if self.horizon else 0
 
     @property
     def alone(self) -> bool:

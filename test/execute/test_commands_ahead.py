@@ -3,6 +3,7 @@
 """What a robot is told of the coming time: the machine may be late, the motion is not."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -93,6 +94,17 @@ def test_a_machine_that_is_late_delays_nothing():
     assert np.linalg.norm(places - on_the_way(times), axis=1)[10:].max() < CLOSE
     assert line.execution.phase in ('settling', 'succeeded')
     assert line.execution.stall_displacement == 0
+
+
+def test_a_preview_that_comes_when_the_one_before_is_used_up_delays_nothing():
+    line = Line()
+    line.run(3.0)
+    line.due = 100.0 + line.execution.published_until  # the machine is as late as it may be,
+    line.rng, line.late = SimpleNamespace(random=lambda: 1.0, uniform=lambda low, high: high), 0.85
+    places = line.run(WAY.duration + 1.0)  # and then messages take 0.09 s
+    times = np.arange(len(places)) * STEP
+    assert line.execution.phase in ('settling', 'succeeded'), line.execution.reason
+    assert np.linalg.norm(places - on_the_way(times), axis=1)[10:].max() < CLOSE
 
 
 class Single(Line):
