@@ -168,7 +168,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
     length = np.sum(system.lengths)
     first = reaction_of(hold, row_count(system.needs.border))
     steps = kicks = attempt = 0
-    tried = False
+    tried = rested = False
     beside, saddle = np.empty_like(q), np.full_like(q, np.inf)
     seeks = bears(system.effects.contact.contacts)
     on_a_way, flow = exact > _ON_A_WAY * length, np.array([0.0, 1.0])
@@ -185,8 +185,10 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
     may_flow = not (on_a_way or past.shape[0] == 0 or moves_on and system.basis.shape[1] > 0)
     while max_iterations > 0:
         many = _bearing(there.effects.contact.contacts) >= _MANY
-        flows = (may_flow and not tried and (many or attempt >= _TRIES)
-                 and (many or system.basis.shape[1] == 0))
+        # (between few points what relaxation brings to rest only wants more of it; what falls does
+        # not come to rest)
+        flows = may_flow and not tried and (many or system.basis.shape[1] == 0 and (
+            attempt >= (_SLIDES if rested else _TRIES)))
         # (what lies on many points hardly ever goes on bearing by the same ones, and to exchange
         # them one by one takes the time of many steps of the flow)
         if seeks and not on_a_way and not (flows and many):
@@ -244,7 +246,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             most = min(most, _MOST[attempt])
         there, begin, moves, previous = relax(there, begin, previous, attempt == _SLIDES, rough,
                                               most, flow)
-        steps, attempt, seeks = steps + moves, attempt + 1, True
+        steps, attempt, seeks, rested = steps + moves, attempt + 1, True, moves < most
         if on_a_way:
             break
     state = new_configuration(there)
