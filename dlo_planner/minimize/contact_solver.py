@@ -326,7 +326,8 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
     is looked at as any other shape: residual, violation, cones, points that are deeper in an
     obstacle, stability.
     """
-    given, there, flow = system.effects.contact.contacts, system, np.zeros(2)
+    given, hold, there, flow = (system.effects.contact.contacts, system.effects.hold, system,
+                                np.zeros(2))
     steps = kicks = goes_on = 0
     stability, residual, violation, state = np.nan, np.inf, np.inf, new_configuration(system)
     local = system.basis.shape[1] == 0  # waves of a series would touch between its nodes
@@ -359,11 +360,13 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
                              and _bearing(firm.effects.contact.contacts) < _ROLLING):
                 # points that bear inside elements are where they are nearest, exactly
                 near = firm if rests else with_bearing(there, q, given, rests)
+                found = reaction_of(hold, row_count(system.needs.border))
                 rolls, its, its_residual, its_stability, moves, loaded, inside = _at_once(
                     near, state.q, rests, tolerance, exact, check, previous)
                 steps += moves
                 if rolls:
                     return True, its, its_residual, its_stability, steps, kicks, loaded, inside
+                set_reaction(hold, found)
             if rests:
                 return (True, state, residual, stability if check else np.inf, steps, kicks, firm,
                         violation)

@@ -83,6 +83,11 @@ _LARGER, _SMALLER = 4.0, 0.1  # most and least that it is multiplied by
 _FADES = 0.25
 _AIM, _BAD = 0.3, 1.0  # wrong part of the gradient after a step: as it should be; too large
 _EASY, _QUIET = 0.02, 1e-3  # rad, residual: after such a step contacts hardly change
+# Below such a residual contacts give less, by this factor. What neighbours give decides how soon
+# their shares of a force settle: in each step all is left but 1 / (1 + g / f) of what was wrong,
+# with g what they give and f what the DLO between them does, which is a tenth of it and less.
+# Farther from rest firm contacts lock what has to roll and slide.
+_NEARLY, _FIRMER = 1e-4, 1e-2
 # A DLO has left a saddle once it has turned by so much, rad, or after so many steps: before, a step
 # of Newton's method would lead back; with more, another equilibrium is near
 _AWAY, _LEAVING = 0.1, 40
@@ -148,6 +153,8 @@ def settle(system, q, previous, rough, most, farthest, flow):
         part, error, turn, met = 0.0, np.inf, np.inf, False
         _, shear = forces(table, state)
         laws = step_laws(loaded, state, table, shear, 1.0 / (1.0 + shift), reaction.size)
+        if residual < _NEARLY:
+            laws = replaced(laws, 'give', _FIRMER * laws.give)
         answer, force = new_answer(q.shape[0], table.gap.size), np.zeros((table.gap.size, 3))
         found, shift = exact_step(loaded, state, hessian, laws, shift, floor, largest,
                                   easy and lower == 0.0, force, answer, reaction)
