@@ -465,10 +465,11 @@ def _free(system, q, tolerance, exact, max_iterations, check):
 @kernel
 def predictor_corrector(system, base, slid, strains, shift, tolerance, exact, previous):
     """Return whether a DLO that bears goes on bearing, and what `solve_contact` does."""
-    twist = np.empty(6)
-    put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), twist)
-    twist[3:] = shift
-    follows, q, system = tangent_predictor(system, base, slid, strains, twist)
+    twist, follows = np.empty(6), _bearing(system.effects.contact.contacts) < _ROLLING
+    if follows:  # (of more points some nearly always change, and all are exchanged one by one)
+        put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), twist)
+        twist[3:] = shift
+        follows, q, system = tangent_predictor(system, base, slid, strains, twist)
     if follows:
         goes_on, state, residual, stability, steps, system, violation = _at_once(
             system, q, follows, tolerance, exact, follows, previous)
