@@ -127,7 +127,8 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
               and not _is_long(way, touches, at_once)
               and not (way.size > _OFF and _comes_off(previous, shape))):
             agree, half, end = _by_halves(solve, previous, goal, shape)
-            if agree and end is not None:  # (the longer a step, the more friction depends on its parts)
+            # (the longer a step, the more friction depends on its parts)
+            if agree and end is not None:
                 shape = _led(previous, shape if good else end)
                 if way.size <= _OFF or shape.passed_itself is False:
                     return shape

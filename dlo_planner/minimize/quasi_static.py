@@ -79,8 +79,7 @@ _FARTHER = 4.0    # times that reach, where a step has met what was not seen
 _LEAST_SHIFT, _FLOOR, _MOST_SHIFT = 1e-3, 1e-4, 1e9
 _SLIGHTLY = 1e-2  # times the first one: one that hardly counts
 _LARGER, _SMALLER = 4.0, 0.1  # most and least that it is multiplied by
-# What a step leaves of the shift with which the DLO did not stand: as it falls its curvature changes
-_FADES = 0.25
+_FADES = 0.25     # of a shift with which the DLO did not stand: as it falls its curvature changes
 _AIM, _BAD = 0.3, 1.0  # wrong part of the gradient after a step: as it should be; too large
 _EASY, _QUIET = 0.02, 1e-3  # rad, residual: after such a step contacts hardly change
 # Below such a residual contacts give less, by this factor. What neighbours give decides how soon
