@@ -168,7 +168,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
     length = np.sum(system.lengths)
     first = reaction_of(hold, row_count(system.needs.border))
     steps = kicks = attempt = 0
-    tried = False
+    tried = rested = False
     beside, saddle = np.empty_like(q), np.full_like(q, np.inf)
     seeks = bears(system.effects.contact.contacts)
     on_a_way, flow = exact > _ON_A_WAY * length, np.array([0.0, 1.0])
@@ -185,8 +185,10 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
     may_flow = not (on_a_way or past.shape[0] == 0 or moves_on and system.basis.shape[1] > 0)
     while max_iterations > 0:
         many = _bearing(there.effects.contact.contacts) >= _MANY
-        flows = (may_flow and not tried and (many or attempt >= _TRIES)
-                 and (many or system.basis.shape[1] == 0))
+        # (between few points what relaxation brings to rest only wants more of it; what falls does
+        # not come to rest)
+        flows = may_flow and not tried and (many or system.basis.shape[1] == 0 and (
+            attempt >= (_SLIDES if rested else _TRIES)))
         # (what lies on many points hardly ever goes on bearing by the same ones, and to exchange
         # them one by one takes the time of many steps of the flow)
         if seeks and not on_a_way and not (flows and many):
@@ -244,7 +246,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             most = min(most, _MOST[attempt])
         there, begin, moves, previous = relax(there, begin, previous, attempt == _SLIDES, rough,
                                               most, flow)
-        steps, attempt, seeks = steps + moves, attempt + 1, True
+        steps, attempt, seeks, rested = steps + moves, attempt + 1, True, moves < most
         if on_a_way:
             break
     state = new_configuration(there)
@@ -324,7 +326,8 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
     is looked at as any other shape: residual, violation, cones, points that are deeper in an
     obstacle, stability.
     """
-    given, there, flow = system.effects.contact.contacts, system, np.zeros(2)
+    given, hold, there, flow = (system.effects.contact.contacts, system.effects.hold, system,
+                                np.zeros(2))
     steps = kicks = goes_on = 0
     stability, residual, violation, state = np.nan, np.inf, np.inf, new_configuration(system)
     local = system.basis.shape[1] == 0  # waves of a series would touch between its nodes
@@ -357,11 +360,13 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
                              and _bearing(firm.effects.contact.contacts) < _ROLLING):
                 # points that bear inside elements are where they are nearest, exactly
                 near = firm if rests else with_bearing(there, q, given, rests)
+                found = reaction_of(hold, row_count(system.needs.border))
                 rolls, its, its_residual, its_stability, moves, loaded, inside = _at_once(
                     near, state.q, rests, tolerance, exact, check, previous)
                 steps += moves
                 if rolls:
                     return True, its, its_residual, its_stability, steps, kicks, loaded, inside
+                set_reaction(hold, found)
             if rests:
                 return (True, state, residual, stability if check else np.inf, steps, kicks, firm,
                         violation)
@@ -460,10 +465,11 @@ def _free(system, q, tolerance, exact, max_iterations, check):
 @kernel
 def predictor_corrector(system, base, slid, strains, shift, tolerance, exact, previous):
     """Return whether a DLO that bears goes on bearing, and what `solve_contact` does."""
-    twist = np.empty(6)
-    put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), twist)
-    twist[3:] = shift
-    follows, q, system = tangent_predictor(system, base, slid, strains, twist)
+    twist, follows = np.empty(6), _bearing(system.effects.contact.contacts) < _ROLLING
+    if follows:  # (of more points some nearly always change, and all are exchanged one by one)
+        put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), twist)
+        twist[3:] = shift
+        follows, q, system = tangent_predictor(system, base, slid, strains, twist)
     if follows:
         goes_on, state, residual, stability, steps, system, violation = _at_once(
             system, q, follows, tolerance, exact, follows, previous)

@@ -79,8 +79,14 @@ _FARTHER = 4.0    # times that reach, where a step has met what was not seen
 _LEAST_SHIFT, _FLOOR, _MOST_SHIFT = 1e-3, 1e-4, 1e9
 _SLIGHTLY = 1e-2  # times the first one: one that hardly counts
 _LARGER, _SMALLER = 4.0, 0.1  # most and least that it is multiplied by
+_FADES = 0.25     # of a shift with which the DLO did not stand: as it falls its curvature changes
 _AIM, _BAD = 0.3, 1.0  # wrong part of the gradient after a step: as it should be; too large
 _EASY, _QUIET = 0.02, 1e-3  # rad, residual: after such a step contacts hardly change
+# Below such a residual contacts give less, by this factor. What neighbours give decides how soon
+# their shares of a force settle: in each step all is left but 1 / (1 + g / f) of what was wrong,
+# with g what they give and f what the DLO between them does, which is a tenth of it and less.
+# Farther from rest firm contacts lock what has to roll and slide.
+_NEARLY, _FIRMER = 1e-4, 1e-2
 # A DLO has left a saddle once it has turned by so much, rad, or after so many steps: before, a step
 # of Newton's method would lead back; with more, another equilibrium is near
 _AWAY, _LEAVING = 0.1, 40
@@ -127,6 +133,7 @@ def settle(system, q, previous, rough, most, farthest, flow):
     loaded = with_candidates(system, state, previous, near, whole, 1.0)
     state, residual, table, _ = kkt_residual(loaded, state.q)
     shift, steps, stands, easy, falls, made = flow[0], 0, False, True, False, False
+    lower = 0.0  # a shift with which it did not stand, of late
     floor, largest, worked, gone = _FLOOR * least, _MOST_SHIFT * least, np.zeros(1), 0.0
     away = _AWAY if flow[1] == 0.0 else 0.0
     while steps < most and shift < largest and gone <= farthest:
@@ -145,9 +152,11 @@ def settle(system, q, previous, rough, most, farthest, flow):
         part, error, turn, met = 0.0, np.inf, np.inf, False
         _, shear = forces(table, state)
         laws = step_laws(loaded, state, table, shear, 1.0 / (1.0 + shift), reaction.size)
+        if residual < _NEARLY:
+            laws = replaced(laws, 'give', _FIRMER * laws.give)
         answer, force = new_answer(q.shape[0], table.gap.size), np.zeros((table.gap.size, 3))
-        found, shift = exact_step(loaded, state, hessian, laws, shift, floor, largest, easy,
-                                  force, answer, reaction)
+        found, shift = exact_step(loaded, state, hessian, laws, shift, floor, largest,
+                                  easy and lower == 0.0, force, answer, reaction)
         if found < 1:
             found, shift = interior_step(loaded, state, hessian, laws, shift, floor, largest, easy,
                                          force, answer, reaction)
@@ -197,7 +206,11 @@ def settle(system, q, previous, rough, most, farthest, flow):
             away, gone = away + part * turn, gone + part * turn
             loaded, state, residual, table = after, there, later, its_table
         falls = found < 1 or shift > tried
-        shift = next_shift(shift, error, tried, floor)
+        if falls:
+            lower = max(lower, tried, floor)
+        elif made:
+            lower = _FADES * lower if lower > floor else 0.0
+        shift = next_shift(shift, error, lower, floor)
     flow[0], flow[1] = shift if shift < largest else 0.0, 0.0
     return (_with_hold(loaded, held), state.q, steps, residual if gone <= farthest else np.inf,
             falls)
@@ -279,7 +292,7 @@ def carried(system, q, previous, base):
 
 
 @kernel
-def next_shift(shift, error, tried, floor):
+def next_shift(shift, error, lower, floor):
     """Return the shift of the next step of a flow, after one with such an error.
 
     The error is infinite if the step was not made. Where the DLO falls its flow leaves an
@@ -287,15 +300,15 @@ def next_shift(shift, error, tried, floor):
     not stand. It is approached from above.
 
     Args:
-        tried: with which that step began; the DLO may not have stood with it
+        lower: with which the DLO did not stand of late, 0 if it did
         floor: smaller shifts are none
     """
     factor = error / _AIM
     if factor > 1.0:
         return max(shift, floor) * min(factor * factor, _LARGER)
     smaller = shift * max(factor, _SMALLER)
-    if tried < shift:
-        smaller = max(smaller, np.sqrt(max(tried, floor) * shift))
+    if lower > 0.0:
+        smaller = max(smaller, np.sqrt(lower * shift))
     return smaller if smaller >= floor else 0.0
 
 

@@ -198,8 +198,8 @@ def test_an_exact_step_is_found_from_any_forces(friction):
 
 
 def test_a_shift_approaches_that_with_which_a_dlo_falls():
-    assert next_shift(1.0, 1e-3, 1.0, 1e-4) == pytest.approx(0.1)
-    assert next_shift(1e-4, 1e-3, 1e-4, 1e-4) == 0.0
+    assert next_shift(1.0, 1e-3, 0.0, 1e-4) == pytest.approx(0.1)
+    assert next_shift(1e-4, 1e-3, 0.0, 1e-4) == 0.0
     assert 0.5 < next_shift(1.0, 0.1, 0.5, 1e-4) < 1.0
     assert next_shift(1.0, np.inf, 0.5, 1e-4) == 4.0
     assert next_shift(0.0, np.inf, 0.0, 1e-4) > 0.0
