@@ -11,7 +11,8 @@ fitting has snapped the gripper stops and turns back, as a robot does that feels
 is a little longer than stated it does not snap at the planned pose: then the gripper goes on,
 straight and slowly, until it does, 6 mm at most, as a robot does that presses. A run is done when
 each fitting has snapped with the cable in it, the cable is in all of them at the end, and nothing
-was rammed: no fitting, nor the cable torn at by its gripper, which does not give way.
+was rammed: no fitting, nor the cable torn at by its gripper. The cable is led nearly taut, by a
+hand under impedance control (500 N/m) that is fed with the planned wrenches of the gripper.
 """
 
 import sys
@@ -33,7 +34,8 @@ from dlo_planner import (  # noqa: E402
     Pose,
     Trajectory,
 )
-from dlo_planner.cell.plant import STEP, Plant  # noqa: E402
+from dlo_planner.cell.hand import InHand  # noqa: E402
+from dlo_planner.cell.plant import STEP  # noqa: E402
 from dlo_planner.cell.robot import nearer  # noqa: E402
 from dlo_planner.cell.truth import Unknowns  # noqa: E402
 from dlo_planner.tasks import Clip  # noqa: E402
@@ -97,7 +99,7 @@ class Run:
         self.goals = {hold.by: hold.pose for hold in plan.shapes[-1].holds}
         self.seats = {k: Pose(task.fittings[k].pose.position + self.shifts[k],
                               self.goals[f'clip {k + 1}'].quaternion) for k in self.clips}
-        self.plant = Plant(
+        self.plant = InHand(
             direct.rod, plan.grippers[0], [*direct.obstacles, *made], truth=truth, step=STEP,
             cells=CELLS, damping=0.1, far_end=task.far_end,
             fittings=[Hold(seat, s=0.5 * direct.rod.length) for seat in self.seats.values()])
@@ -107,8 +109,12 @@ class Run:
         self.snapped, self.pressed = dict[int, float](), dict[int, float]()
         self.pulled = 0.0  # the largest force of the gripper, N
 
-    def move(self, pose, pressing=None, seconds=PERIOD):
-        """Go on to a pose, `pressing` into a fitting; return whether nothing is rammed."""
+    def move(self, pose, wrench, pressing=None, seconds=PERIOD):
+        """Go on to a pose, `pressing` into a fitting; return whether nothing is rammed.
+
+        `wrench` (6,): what is fed forward.
+        """
+        self.plant.feed(wrench)
         hands = {self.clips.index(k): self.seats[k] for k in self.snapped if k in self.clips}
         self.plant.move(pose, seconds, hands=hands)
         if pressing is not None and pressing not in self.snapped:
@@ -125,19 +131,24 @@ class Run:
 
     def press_on(self, stage, k):
         """Go beyond the farthest pose of a stage, until a fitting snaps, and back."""
-        before, top = (stage.grippers[i] for i in (stage.stops[0] - 1, stage.stops[0]))
+        (before, top), end = (stage.grippers[i] for i in (stage.stops[0] - 1, stage.stops[0])), (
+            stage.grippers[-1])
+        pressing, resting = stage.gripper_wrench_at(stage.times[[stage.stops[0], -1]])
         way = top.position - before.position
         way *= ON / np.linalg.norm(way)
-        for share in np.linspace(0, 1, 50):
-            self.move(nearer(stage.grippers[-1], top, share), k)
-        on = 0
-        while k not in self.snapped and on < MOST_ON / ON:
-            on += 1
-            for part in np.linspace(0, 1, 11)[1:]:
-                self.move(Pose(top.position + (on - 1 + part) * way, top.quaternion), k)
-        there = Pose(top.position + on * way, top.quaternion)
-        for share in np.linspace(0, 1, 50):
-            self.move(nearer(there, stage.grippers[-1], share))
+
+        def lead(begin, goal, fed, then, steps):
+            for share in np.linspace(0, 1, steps + 1)[1:]:
+                self.move(nearer(begin, goal, share), fed + share * (then - fed), k)
+
+        lead(end, top, resting, pressing, 50)
+        there = top
+        for on in range(1, round(MOST_ON / ON) + 1):
+            if k in self.snapped:
+                break
+            here, there = there, Pose(top.position + on * way, top.quaternion)
+            lead(here, there, pressing, pressing, 10)
+        lead(there, end, pressing, resting, 50)
 
     def miss(self, k):
         """Return how far the cable is from the middle of a fitting, m."""
@@ -152,18 +163,20 @@ def executed(direct, task, plan, motions, seed, **unknown):
     pressed_on = 0
     for (name, _), stage, motion in zip(plan.starts, plan.stage_plans, motions, strict=True):
         k = int(name.split()[-1]) - 1 if name.startswith('press') else None
-        poses = motion.poses(PERIOD * np.arange(1, int(motion.duration / PERIOD) + 2))
+        times = PERIOD * np.arange(1, int(motion.duration / PERIOD) + 2)
+        poses = motion.poses(times)
+        wrenches = stage.gripper_wrench_at(motion.progress(times))
         back = len(poses) // 2 if k is not None else 0  # from there on it goes back as it came
         i = 0
         while i < len(poses):
-            if not run.move(poses[i], k):
+            if not run.move(poses[i], wrenches[i], k):
                 return {'rammed': float(run.plant.forces.max()), 'pulled': run.pulled, 'at': name}
             if i < back and k in run.snapped:  # enough: it stops, and turns round
                 here = poses[i].position
                 i = back + int(np.argmin([np.linalg.norm(one.position - here)
                                           for one in poses[back:]]))
                 for _ in range(STOPS):
-                    run.move(poses[i])
+                    run.move(poses[i], wrenches[i])
             i += 1
         if k is not None and k not in run.snapped:
             run.press_on(stage, k)
@@ -172,7 +185,7 @@ def executed(direct, task, plan, motions, seed, **unknown):
             return {'did not snap': k + 1, 'bore at most': run.pressed.get(k, 0.0),
                     'snaps at': task.fittings[k].push, 'misses': run.miss(k)}
     for _ in range(50):
-        run.move(plan.grippers[-1])
+        run.move(plan.grippers[-1], plan.wrenches[-1, 0])
     return {'snapped': len(run.snapped), 'pressed on': pressed_on, 'seconds': run.plant.time,
             'largest force': float(run.plant.largest_forces.max()), 'pulled': run.pulled,
             'planned pull': float(np.linalg.norm(
