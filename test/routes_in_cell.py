@@ -26,6 +26,7 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent)]
 from benchmarks.routes import board  # noqa: E402
 from dlo_planner import (  # noqa: E402
     Box,
+    CutOut,
     Hold,
     Infeasible,
     InverseSimulator,
@@ -34,10 +35,13 @@ from dlo_planner import (  # noqa: E402
     Pose,
     Trajectory,
 )
+from dlo_planner.cell.camera import GOOD, Viewer  # noqa: E402
 from dlo_planner.cell.hand import InHand  # noqa: E402
 from dlo_planner.cell.plant import STEP  # noqa: E402
 from dlo_planner.cell.robot import nearer  # noqa: E402
 from dlo_planner.cell.truth import Unknowns  # noqa: E402
+from dlo_planner.execute.entries import centered, seen_miss  # noqa: E402
+from dlo_planner.model.pose import displaced  # noqa: E402
 from dlo_planner.tasks import Clip  # noqa: E402
 
 PERIOD = 0.02   # s
@@ -47,12 +51,16 @@ LIP = 0.3e-3    # m, below the cable in its seat, and above it when the lid is s
 RUB = 0.2       # Coulomb's coefficient of the walls
 RAMMED = 20.0   # N: a force on a fitting, or of the gripper, at which a run is given up
 STOPS = 10      # periods in which the gripper stands before it turns round
+TURNS_AT = 2e-3  # m: how far the way back may be from where it does
 LIMITS = Limits(linear_speed=0.2, angular_speed=1.0)
 UNKNOWN = Unknowns(0.02, 0.01, natural_curvature=np.array([0.02]), length=3e-4,
                    gripper_position=2e-4, gripper_rotation=1e-3)
 FIRMLY = 1.5    # times the push of a fitting, with which it is planned to be pressed into
 ON, MOST_ON = 5e-4, 6e-3  # m: steps in which a gripper presses on, and how far at most
 PLACED = 1e-4   # m, standard deviation of where a fitting is
+# in closed loop: s until the cable is still, and in which it is looked at; how often at most; how
+# near to the middle of a mouth is enough, of its room; periods of a step
+STILL, LOOKING, LOOKS, NEAR, STEPS = 0.3, 1.0, 3, 0.25, 15
 
 
 def walls(fitting, radius, shift):
@@ -108,6 +116,8 @@ class Run:
             self.plant.put(self.first + 4 * k + 3, False)  # lids are open
         self.snapped, self.pressed = dict[int, float](), dict[int, float]()
         self.pulled = 0.0  # the largest force of the gripper, N
+        self.twist = np.zeros(6)  # by which poses are displaced from where they were planned
+        self.eyes, self.looks = Viewer(GOOD, np.random.default_rng([seed, 9])), 0
 
     def move(self, pose, wrench, pressing=None, seconds=PERIOD):
         """Go on to a pose, `pressing` into a fitting; return whether nothing is rammed.
@@ -115,6 +125,7 @@ class Run:
         `wrench` (6,): what is fed forward.
         """
         self.plant.feed(wrench)
+        pose = displaced(pose, self.twist)
         hands = {self.clips.index(k): self.seats[k] for k in self.snapped if k in self.clips}
         self.plant.move(pose, seconds, hands=hands)
         if pressing is not None and pressing not in self.snapped:
@@ -129,11 +140,30 @@ class Run:
         self.pulled = max(self.pulled, self.plant.pull)
         return max(self.plant.forces.max(), self.plant.pull) < RAMMED
 
+    def look(self, stage, fitting):
+        """Look before a mouth, and move so that the cable passes where it is to go in."""
+        pose, wrench = stage.grippers[0], stage.wrenches[0, 0]
+        cutout = CutOut(fitting.pose, radius=fitting.room)
+        for _ in range(LOOKS):
+            points, begin = [], self.plant.time + STILL
+            while self.plant.time < begin + LOOKING:
+                self.move(pose, wrench)
+                points += [image.points for image in self.eyes.images(self.plant, cutout)
+                           if image.stamp >= begin]
+            seen = seen_miss(stage.shapes[0], fitting, np.vstack(points))
+            self.looks += 1
+            if np.linalg.norm(seen.miss) < max(NEAR * fitting.room, *seen.error):
+                break
+            step = centered(stage.shapes[0], fitting, seen.miss)
+            for _ in range(STEPS):
+                self.twist = self.twist + step / STEPS
+                self.move(pose, wrench)
+
     def press_on(self, stage, k):
         """Go beyond the farthest pose of a stage, until a fitting snaps, and back."""
-        (before, top), end = (stage.grippers[i] for i in (stage.stops[0] - 1, stage.stops[0])), (
-            stage.grippers[-1])
-        pressing, resting = stage.gripper_wrench_at(stage.times[[stage.stops[0], -1]])
+        at = stage.stops[0] if stage.stops else len(stage) - 1
+        before, top, end = (stage.grippers[i] for i in (at - 1, at, -1))
+        pressing, resting = stage.wrenches[[at, -1], 0]
         way = top.position - before.position
         way *= ON / np.linalg.norm(way)
 
@@ -157,8 +187,8 @@ class Run:
         return float(np.linalg.norm(self.plant.points(s) - seat, axis=1).min())
 
 
-def executed(direct, task, plan, motions, seed, **unknown):
-    """Return figures of a run, by name."""
+def executed(direct, task, plan, motions, seed, looks=False, **unknown):
+    """Return figures of a run, by name; `looks`: in closed loop, before each mouth."""
     run = Run(direct, task, plan, seed, **unknown)
     pressed_on = 0
     for (name, _), stage, motion in zip(plan.starts, plan.stage_plans, motions, strict=True):
@@ -166,18 +196,27 @@ def executed(direct, task, plan, motions, seed, **unknown):
         times = PERIOD * np.arange(1, int(motion.duration / PERIOD) + 2)
         poses = motion.poses(times)
         wrenches = stage.gripper_wrench_at(motion.progress(times))
-        back = len(poses) // 2 if k is not None else 0  # from there on it goes back as it came
-        i = 0
+        # a stage that presses goes on to its stop, and back until the cable is as slack as before
+        back = int(np.searchsorted(motion.progress(times), stage.times[stage.stops[0]])) if (
+            stage.stops and k is not None) else 0
+        if looks and name.startswith('enter'):
+            run.look(stage, task.fittings[int(name.split()[-1]) - 1])
+        i, moved = 0, run.twist
         while i < len(poses):
+            if name.startswith('approach'):  # by then it is as planned again
+                run.twist = (1 - (i + 1) / len(poses)) * moved
             if not run.move(poses[i], wrenches[i], k):
                 return {'rammed': float(run.plant.forces.max()), 'pulled': run.pulled, 'at': name}
+            i += 1
             if i < back and k in run.snapped:  # enough: it stops, and turns round
-                here = poses[i].position
-                i = back + int(np.argmin([np.linalg.norm(one.position - here)
-                                          for one in poses[back:]]))
+                away = [np.linalg.norm(one.position - poses[i - 1].position)
+                        for one in poses[back:]]
+                nearest = int(np.argmin(away))
+                if away[nearest] > TURNS_AT:  # it has not begun to pull: it swings on
+                    continue
+                i = back + nearest
                 for _ in range(STOPS):
                     run.move(poses[i], wrenches[i])
-            i += 1
         if k is not None and k not in run.snapped:
             run.press_on(stage, k)
             pressed_on += 1
@@ -186,9 +225,9 @@ def executed(direct, task, plan, motions, seed, **unknown):
                     'snaps at': task.fittings[k].push, 'misses': run.miss(k)}
     for _ in range(50):
         run.move(plan.grippers[-1], plan.wrenches[-1, 0])
-    return {'snapped': len(run.snapped), 'pressed on': pressed_on, 'seconds': run.plant.time,
-            'largest force': float(run.plant.largest_forces.max()), 'pulled': run.pulled,
-            'planned pull': float(np.linalg.norm(
+    return {'snapped': len(run.snapped), 'pressed on': pressed_on, 'looks': run.looks,
+            'seconds': run.plant.time, 'largest force': float(run.plant.largest_forces.max()),
+            'pulled': run.pulled, 'planned pull': float(np.linalg.norm(
                 [one.gripper_wrench[:3] for one in plan.shapes], axis=1).max()),
             'worst miss': max(run.miss(k) for k in range(len(task.fittings)))}
 
