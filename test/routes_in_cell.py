@@ -59,8 +59,8 @@ FIRMLY = 1.5    # times the push of a fitting, with which it is planned to be pr
 ON, MOST_ON = 5e-4, 6e-3  # m: steps in which a gripper presses on, and how far at most
 PLACED = 1e-4   # m, standard deviation of where a fitting is
 # in closed loop: s until the cable is still, and in which it is looked at; how often at most; how
-# near to the middle of a mouth is enough, of its room; periods of a step
-STILL, LOOKING, LOOKS, NEAR, STEPS = 0.3, 1.0, 3, 0.25, 15
+# near to the middle of a mouth is enough, of its room; periods of a step; s until all is as planned
+STILL, LOOKING, LOOKS, NEAR, STEPS, FADES = 0.3, 1.0, 3, 0.25, 15, 1.0
 
 
 def walls(fitting, radius, shift):
@@ -141,8 +141,9 @@ class Run:
         return max(self.plant.forces.max(), self.plant.pull) < RAMMED
 
     def look(self, stage, fitting):
-        """Look before a mouth, and move so that the cable passes where it is to go in."""
-        pose, wrench = stage.grippers[0], stage.wrenches[0, 0]
+        """Look above a mouth, and move so that the cable is where it is to go in."""
+        at = stage.stops[0]
+        pose, wrench, shape = stage.grippers[at], stage.wrenches[at, 0], stage.shapes[at]
         cutout = CutOut(fitting.pose, radius=fitting.room)
         for _ in range(LOOKS):
             points, begin = [], self.plant.time + STILL
@@ -150,11 +151,11 @@ class Run:
                 self.move(pose, wrench)
                 points += [image.points for image in self.eyes.images(self.plant, cutout)
                            if image.stamp >= begin]
-            seen = seen_miss(stage.shapes[0], fitting, np.vstack(points))
+            seen = seen_miss(shape, fitting, np.vstack(points))
             self.looks += 1
-            if np.linalg.norm(seen.miss) < max(NEAR * fitting.room, *seen.error):
+            if abs(seen.miss[0]) < max(NEAR * fitting.room, seen.error[0]):  # aside
                 break
-            step = centered(stage.shapes[0], fitting, seen.miss)
+            step = centered(shape, fitting, seen.miss)
             for _ in range(STEPS):
                 self.twist = self.twist + step / STEPS
                 self.move(pose, wrench)
@@ -199,12 +200,14 @@ def executed(direct, task, plan, motions, seed, looks=False, **unknown):
         # a stage that presses goes on to its stop, and back until the cable is as slack as before
         back = int(np.searchsorted(motion.progress(times), stage.times[stage.stops[0]])) if (
             stage.stops and k is not None) else 0
-        if looks and name.startswith('enter'):
-            run.look(stage, task.fittings[int(name.split()[-1]) - 1])
+        stands = int(np.searchsorted(motion.progress(times), stage.times[stage.stops[0]])) if (
+            looks and name.startswith('enter')) else -1
         i, moved = 0, run.twist
         while i < len(poses):
-            if name.startswith('approach'):  # by then it is as planned again
-                run.twist = (1 - (i + 1) / len(poses)) * moved
+            if k is not None:  # the prongs hold it: as it presses it is as planned again
+                run.twist = max(0.0, 1 - i * PERIOD / FADES) * moved
+            if i == stands:
+                run.look(stage, task.fittings[int(name.split()[-1]) - 1])
             if not run.move(poses[i], wrenches[i], k):
                 return {'rammed': float(run.plant.forces.max()), 'pulled': run.pulled, 'at': name}
             i += 1

@@ -38,6 +38,7 @@ from dlo_planner.model.checks import choice, instance, items, number, row, vecto
 from dlo_planner.model.holds import RINGS, FarEnd, Hold, Holds, holds_of
 from dlo_planner.model.obstacles import Box
 from dlo_planner.model.pose import Pose, angle_between, displaced
+from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.plan import Plan, PlanStatus, truncate
@@ -605,12 +606,18 @@ class _Routing:
         builder = PlanBuilder(np.zeros(len(poses) + 1), replace(
             self._silent, tolerance=fitting.room), f'enter {name}: waypoint')
         builder.add(self._waypoint(shape, fitting, aim, heights[0]))
+        # it stops above the fitting, where what is seen of the DLO tells whether it goes in
+        top = 0.0 if fitting.size is None else 0.5 * float(fitting.size[2]) + (
+            Surface.of(self._context.rod).bound + self._task.clearance)
+        above = int((heights > top).sum()) if top else 0
         for pose, height in zip(poses, heights.tolist(), strict=True):
             after = self._simulator.track([pose], initial=shape, holds=[shape.holds])[0]
             if not after.converged or after.jumped:
                 raise builder.refusal('continuity', aim.miss(after), 'the DLO would not '
                                       f'follow there: {after.status}')
             builder.add(self._waypoint(after, fitting, aim, height))
+            if above and height == heights[above - 1]:
+                builder.stop()
             shape = after
         plan = builder.finished()
         self._added(plan, f'enter {name}')
