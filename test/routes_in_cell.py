@@ -2,16 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """A cable through forks and clips of a board, in the cell's engine.
 
-`python test/routes_in_cell.py [seeds] [first seed] [forks or clips]` plans the routes of
-`benchmarks.routes`, and executes them stage by stage in open loop, with a cable and fittings that
-are not quite as stated. Forks are walls: two prongs, a floor, and a lid that snaps shut when the
-floor bears the `push` of the fork; the cable rubs on them as Coulomb says, not with the friction
-that the planner takes. Clips hold what lies in them when their floor bears their push. Where a
-fitting has snapped the gripper stops and turns back, as a robot does that feels it. Where the cable
-is a little longer than stated it does not snap at the planned pose: then the gripper goes on,
-straight and slowly, until it does, 6 mm at most, as a robot does that presses. A run is done when
-each fitting has snapped with the cable in it, the cable is in all of them at the end, and nothing
-was rammed: no fitting, nor the cable torn at by its gripper, which does not give way.
+`python test/routes_in_cell.py [seeds] [first seed] [forks or clips] [looks]` plans the routes of
+`benchmarks.routes`, and executes them stage by stage, with a cable and fittings that are not quite
+as stated: in open loop, stiffness known to 2 %; or, with `looks`, in closed loop, stiffness known
+to 20 %, where a camera (points with 1 mm of noise) looks at the cable above each fitting. Forks are
+walls: two prongs, a floor, and a lid that snaps shut when the floor bears the `push` of the fork;
+the cable rubs on them as Coulomb says, not with the friction that the planner takes. Clips hold
+what lies in them when their floor bears their push. Where a fitting has snapped the gripper stops
+and turns back, as a robot does that feels it. Where the cable is a little longer than stated it
+does not snap at the planned pose: then the gripper goes on, straight and slowly, until it does, 6
+mm at most, as a robot does that presses. A run is done when each fitting has snapped with the cable
+in it, the cable is in all of them at the end, and nothing was rammed: no fitting, nor the cable
+torn at by its gripper. The cable is led nearly taut, by a hand under impedance control (500 N/m)
+that is fed with the planned wrenches of the gripper.
 """
 
 import sys
@@ -25,6 +28,7 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent)]
 from benchmarks.routes import board  # noqa: E402
 from dlo_planner import (  # noqa: E402
     Box,
+    CutOut,
     Hold,
     Infeasible,
     InverseSimulator,
@@ -33,9 +37,13 @@ from dlo_planner import (  # noqa: E402
     Pose,
     Trajectory,
 )
-from dlo_planner.cell.plant import STEP, Plant  # noqa: E402
+from dlo_planner.cell.camera import GOOD, Viewer  # noqa: E402
+from dlo_planner.cell.hand import InHand  # noqa: E402
+from dlo_planner.cell.plant import STEP  # noqa: E402
 from dlo_planner.cell.robot import nearer  # noqa: E402
 from dlo_planner.cell.truth import Unknowns  # noqa: E402
+from dlo_planner.execute.entries import centered, seen_miss  # noqa: E402
+from dlo_planner.model.pose import displaced  # noqa: E402
 from dlo_planner.tasks import Clip  # noqa: E402
 
 PERIOD = 0.02   # s
@@ -45,12 +53,17 @@ LIP = 0.3e-3    # m, below the cable in its seat, and above it when the lid is s
 RUB = 0.2       # Coulomb's coefficient of the walls
 RAMMED = 20.0   # N: a force on a fitting, or of the gripper, at which a run is given up
 STOPS = 10      # periods in which the gripper stands before it turns round
+TURNS_AT = 2e-3  # m: how far the way back may be from where it does
 LIMITS = Limits(linear_speed=0.2, angular_speed=1.0)
 UNKNOWN = Unknowns(0.02, 0.01, natural_curvature=np.array([0.02]), length=3e-4,
                    gripper_position=2e-4, gripper_rotation=1e-3)
+LESS_KNOWN = replace(UNKNOWN, stiffness=0.2)
 FIRMLY = 1.5    # times the push of a fitting, with which it is planned to be pressed into
 ON, MOST_ON = 5e-4, 6e-3  # m: steps in which a gripper presses on, and how far at most
 PLACED = 1e-4   # m, standard deviation of where a fitting is
+# in closed loop: s until the cable is still, and in which it is looked at; how often at most; how
+# near to the middle of a mouth is enough, of its room; periods of a step; s until all is as planned
+STILL, LOOKING, LOOKS, NEAR, STEPS, FADES = 0.3, 1.0, 3, 0.25, 15, 1.0
 
 
 def walls(fitting, radius, shift):
@@ -97,7 +110,7 @@ class Run:
         self.goals = {hold.by: hold.pose for hold in plan.shapes[-1].holds}
         self.seats = {k: Pose(task.fittings[k].pose.position + self.shifts[k],
                               self.goals[f'clip {k + 1}'].quaternion) for k in self.clips}
-        self.plant = Plant(
+        self.plant = InHand(
             direct.rod, plan.grippers[0], [*direct.obstacles, *made], truth=truth, step=STEP,
             cells=CELLS, damping=0.1, far_end=task.far_end,
             fittings=[Hold(seat, s=0.5 * direct.rod.length) for seat in self.seats.values()])
@@ -106,9 +119,16 @@ class Run:
             self.plant.put(self.first + 4 * k + 3, False)  # lids are open
         self.snapped, self.pressed = dict[int, float](), dict[int, float]()
         self.pulled = 0.0  # the largest force of the gripper, N
+        self.twist = np.zeros(6)  # by which poses are displaced from where they were planned
+        self.eyes, self.looks = Viewer(GOOD, np.random.default_rng([seed, 9])), 0
 
-    def move(self, pose, pressing=None, seconds=PERIOD):
-        """Go on to a pose, `pressing` into a fitting; return whether nothing is rammed."""
+    def move(self, pose, wrench, pressing=None, seconds=PERIOD):
+        """Go on to a pose, `pressing` into a fitting; return whether nothing is rammed.
+
+        `wrench` (6,): what is fed forward.
+        """
+        self.plant.feed(wrench)
+        pose = displaced(pose, self.twist)
         hands = {self.clips.index(k): self.seats[k] for k in self.snapped if k in self.clips}
         self.plant.move(pose, seconds, hands=hands)
         if pressing is not None and pressing not in self.snapped:
@@ -123,21 +143,46 @@ class Run:
         self.pulled = max(self.pulled, self.plant.pull)
         return max(self.plant.forces.max(), self.plant.pull) < RAMMED
 
+    def look(self, stage, fitting):
+        """Look above a mouth, and move so that the cable is where it is to go in."""
+        at = stage.stops[0]
+        pose, wrench, shape = stage.grippers[at], stage.wrenches[at, 0], stage.shapes[at]
+        cutout = CutOut(fitting.pose, radius=fitting.room)
+        for _ in range(LOOKS):
+            points, begin = [], self.plant.time + STILL
+            while self.plant.time < begin + LOOKING:
+                self.move(pose, wrench)
+                points += [image.points for image in self.eyes.images(self.plant, cutout)
+                           if image.stamp >= begin]
+            seen = seen_miss(shape, fitting, np.vstack(points))
+            self.looks += 1
+            if abs(seen.miss[0]) < max(NEAR * fitting.room, seen.error[0]):  # aside
+                break
+            step = centered(shape, fitting, seen.miss)
+            for _ in range(STEPS):
+                self.twist = self.twist + step / STEPS
+                self.move(pose, wrench)
+
     def press_on(self, stage, k):
         """Go beyond the farthest pose of a stage, until a fitting snaps, and back."""
-        before, top = (stage.grippers[i] for i in (stage.stops[0] - 1, stage.stops[0]))
+        at = stage.stops[0] if stage.stops else len(stage) - 1
+        before, top, end = (stage.grippers[i] for i in (at - 1, at, -1))
+        pressing, resting = stage.wrenches[[at, -1], 0]
         way = top.position - before.position
         way *= ON / np.linalg.norm(way)
-        for share in np.linspace(0, 1, 50):
-            self.move(nearer(stage.grippers[-1], top, share), k)
-        on = 0
-        while k not in self.snapped and on < MOST_ON / ON:
-            on += 1
-            for part in np.linspace(0, 1, 11)[1:]:
-                self.move(Pose(top.position + (on - 1 + part) * way, top.quaternion), k)
-        there = Pose(top.position + on * way, top.quaternion)
-        for share in np.linspace(0, 1, 50):
-            self.move(nearer(there, stage.grippers[-1], share))
+
+        def lead(begin, goal, fed, then, steps):
+            for share in np.linspace(0, 1, steps + 1)[1:]:
+                self.move(nearer(begin, goal, share), fed + share * (then - fed), k)
+
+        lead(end, top, resting, pressing, 50)
+        there = top
+        for on in range(1, round(MOST_ON / ON) + 1):
+            if k in self.snapped:
+                break
+            here, there = there, Pose(top.position + on * way, top.quaternion)
+            lead(here, there, pressing, pressing, 10)
+        lead(there, end, pressing, resting, 50)
 
     def miss(self, k):
         """Return how far the cable is from the middle of a fitting, m."""
@@ -146,25 +191,38 @@ class Run:
         return float(np.linalg.norm(self.plant.points(s) - seat, axis=1).min())
 
 
-def executed(direct, task, plan, motions, seed, **unknown):
-    """Return figures of a run, by name."""
+def executed(direct, task, plan, motions, seed, looks=False, **unknown):
+    """Return figures of a run, by name; `looks`: in closed loop, before each mouth."""
     run = Run(direct, task, plan, seed, **unknown)
     pressed_on = 0
     for (name, _), stage, motion in zip(plan.starts, plan.stage_plans, motions, strict=True):
         k = int(name.split()[-1]) - 1 if name.startswith('press') else None
-        poses = motion.poses(PERIOD * np.arange(1, int(motion.duration / PERIOD) + 2))
-        back = len(poses) // 2 if k is not None else 0  # from there on it goes back as it came
-        i = 0
+        times = PERIOD * np.arange(1, int(motion.duration / PERIOD) + 2)
+        poses = motion.poses(times)
+        wrenches = stage.gripper_wrench_at(motion.progress(times))
+        # a stage that presses goes on to its stop, and back until the cable is as slack as before
+        back = int(np.searchsorted(motion.progress(times), stage.times[stage.stops[0]])) if (
+            stage.stops and k is not None) else 0
+        stands = int(np.searchsorted(motion.progress(times), stage.times[stage.stops[0]])) if (
+            looks and name.startswith('enter')) else -1
+        i, moved = 0, run.twist
         while i < len(poses):
-            if not run.move(poses[i], k):
+            if k is not None:  # the prongs hold it: as it presses it is as planned again
+                run.twist = max(0.0, 1 - i * PERIOD / FADES) * moved
+            if i == stands:
+                run.look(stage, task.fittings[int(name.split()[-1]) - 1])
+            if not run.move(poses[i], wrenches[i], k):
                 return {'rammed': float(run.plant.forces.max()), 'pulled': run.pulled, 'at': name}
-            if i < back and k in run.snapped:  # enough: it stops, and turns round
-                here = poses[i].position
-                i = back + int(np.argmin([np.linalg.norm(one.position - here)
-                                          for one in poses[back:]]))
-                for _ in range(STOPS):
-                    run.move(poses[i])
             i += 1
+            if i < back and k in run.snapped:  # enough: it stops, and turns round
+                away = [np.linalg.norm(one.position - poses[i - 1].position)
+                        for one in poses[back:]]
+                nearest = int(np.argmin(away))
+                if away[nearest] > TURNS_AT:  # it has not begun to pull: it swings on
+                    continue
+                i = back + nearest
+                for _ in range(STOPS):
+                    run.move(poses[i], wrenches[i])
         if k is not None and k not in run.snapped:
             run.press_on(stage, k)
             pressed_on += 1
@@ -172,10 +230,10 @@ def executed(direct, task, plan, motions, seed, **unknown):
             return {'did not snap': k + 1, 'bore at most': run.pressed.get(k, 0.0),
                     'snaps at': task.fittings[k].push, 'misses': run.miss(k)}
     for _ in range(50):
-        run.move(plan.grippers[-1])
-    return {'snapped': len(run.snapped), 'pressed on': pressed_on, 'seconds': run.plant.time,
-            'largest force': float(run.plant.largest_forces.max()), 'pulled': run.pulled,
-            'planned pull': float(np.linalg.norm(
+        run.move(plan.grippers[-1], plan.wrenches[-1, 0])
+    return {'snapped': len(run.snapped), 'pressed on': pressed_on, 'looks': run.looks,
+            'seconds': run.plant.time, 'largest force': float(run.plant.largest_forces.max()),
+            'pulled': run.pulled, 'planned pull': float(np.linalg.norm(
                 [one.gripper_wrench[:3] for one in plan.shapes], axis=1).max()),
             'worst miss': max(run.miss(k) for k in range(len(task.fittings)))}
 
@@ -188,7 +246,7 @@ def is_done(figures, task):
 
 def main():
     """Execute each route in its own cell."""
-    count, first, kind = (*sys.argv[1:], *('8', '0', 'forks')[len(sys.argv) - 1:])
+    count, first, kind, looks = (*sys.argv[1:], *('8', '0', 'forks', '')[len(sys.argv) - 1:])
     done = tried = 0
     for seed in range(int(first), int(first) + int(count)):
         try:
@@ -198,7 +256,8 @@ def main():
             continue
         tried += 1
         try:
-            figures = executed(direct, task, plan, motions, seed)
+            figures = executed(direct, task, plan, motions, seed, bool(looks),
+                               unknown=LESS_KNOWN if looks else UNKNOWN)
         except NotConverged as error:
             figures = {'unstable': str(error)}
         good = is_done(figures, task)

@@ -14,6 +14,7 @@ from os import PathLike
 from typing import Any, NamedTuple, TypeAlias, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.grasp import grasped_at
@@ -21,7 +22,16 @@ from dlo_planner.direct.shape import Shape, carried, pack, unpack
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
+from dlo_planner.model.checks import (
+    choice,
+    instance,
+    integer,
+    items,
+    number,
+    results,
+    row,
+    shown,
+)
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.holds import BORE, FIXTURE, Hold, alike, place_of
 from dlo_planner.model.obstacles import Sheet
@@ -358,6 +368,22 @@ class Plan(Filmed):
         """
         return wrenches_of(self.shapes)
 
+    def gripper_wrench_at(self, times: ArrayLike) -> Floats:
+        """Return what the gripper exerts on the DLO (m, 6) at the plan's times (m,), s.
+
+        World axes, force (N) before moment about the gripper (N m), linear between the waypoints;
+        before the first one and after the last as there. A hand under impedance or force control
+        that is fed with it is where the plan has it: at `trajectory.progress(t)`, t s after a
+        motion began.
+
+        Raises
+        ------
+        InvalidTask
+            A time is not a finite number.
+        """
+        times, known = row('times', times, least=0), self.wrenches[:, 0]
+        return np.stack([np.interp(times, self.times, one) for one in known.T], axis=1)
+
     @property
     def tensions(self) -> Floats:
         """(n, 1 + A) largest tension in each span, N, from the gripper on; nan where there is none.
@@ -366,7 +392,7 @@ class Plan(Filmed):
         """
         most = max((len(shape.holds) for shape in self.shapes), default=0)
         out = np.full((len(self), 1 + most), np.nan)
-        for row, shape in zip(out, self.shapes, strict=True):
+        for spans, shape in zip(out, self.shapes, strict=True):
             length, forces = float(shape.s[-1]), shape.section_forces
             ends = [0.0, *(place_of(hold, length) for hold in shape.holds), length]
             for k, (begin, end) in enumerate(zip(ends, ends[1:], strict=False)):
@@ -374,7 +400,7 @@ class Plan(Filmed):
                 inside = (0.5 * (forces.s[::2] + forces.s[1::2]) > begin) & (
                     0.5 * (forces.s[::2] + forces.s[1::2]) < end)
                 if inside.any():
-                    row[k] = forces.tension.reshape(-1, 2)[inside].max()
+                    spans[k] = forces.tension.reshape(-1, 2)[inside].max()
         return out
 
     @property

@@ -131,7 +131,8 @@ def test_what_slides_is_known_at_rest_only():
     ({'fittings': [replace(CLIP, pose=toward((0.79, 0, 0.1), (-1, 0, 0)))]}, 'reach',
      'clip 1 cannot be reached: the way to it is 0.79 m, the DLO between the far end and the '
      'gripper 0.8 m'),
-    ({'fittings': [replace(CLIP, push=50.0)]}, 'push', 'clip 1 snaps at 50 N, the DLO presses'),
+    ({'fittings': [replace(CLIP, push=500.0)]}, 'push',
+     'clip 1 snaps at 500 N, the DLO presses'),
     ({'fittings': [CLIP], 'max_force': 0.05}, 'max_force', 'a grip would exert'),
     ({'fittings': [CLIP], 'clearance': 0.2}, 'clearance', 'nearer than clearance')])
 def test_refusals_name_what_is_missing(change, constraint, said):
@@ -187,6 +188,32 @@ def test_the_dlo_stays_out_of_the_fittings_ahead():
               for hold, wrench in zip(shape.holds, shape.wrenches, strict=True)
               if hold.by == 'fork 1']
     assert max(pushes) >= 0.06
+
+
+def test_it_stops_above_a_mouth_where_the_dlo_can_be_looked_at():
+    tops = [0.5 * SIZE[2] + CABLE.radius + 1e-3] * 2
+    entering = [stage for stage in in_line().stage_plans
+                if stage.stages[0].name.startswith('enter')]
+    assert len(entering) == 2
+    for fork, top, stage in zip(IN_LINE, tops, entering, strict=True):
+        places = [shape.positions_at(np.linspace(0.2, 0.8, 2401)) - fork.pose.position
+                  for shape in stage.shapes]
+        heights = [one[np.abs(one @ fork.pose.rotation[:, 0]).argmin()] @ fork.outwards
+                   for one in places]
+        at, = stage.stops
+        assert heights[at] > top > heights[at + 1]
+    assert not any(stage.stops for stage in board().stage_plans  # what has no size has no top
+                   if stage.stages[0].name.startswith('enter'))
+
+
+def test_the_gripper_goes_back_until_it_pulls_as_little_as_before():
+    plan = planned(Route([replace(CLIP, push=0.5)], far_end=PLUG))
+    stage = plan.stage_plans[-1]
+    pulls, (at,) = np.linalg.norm(stage.wrenches[:, 0, :3], axis=1), stage.stops
+    assert pulls[at] == pulls.max() > 1.3 * pulls[-1] and pulls[-1] < 2 * pulls[0]
+    # no farther: it has swung in, and stays there
+    heights = [stage.grippers[k].position[2] for k in (0, at, -1)]
+    assert heights[0] - heights[2] > 0.5 * (heights[0] - heights[1]) > 0
 
 
 def test_stages_in_which_friction_is_at_its_limit_are_plans_of_their_own():

@@ -109,6 +109,16 @@ def test_the_wrenches_of_all_grips_carry_the_weight():
         plan.stages[0].metric('speed')
 
 
+def test_a_hand_is_fed_with_the_wrenches_between_waypoints():
+    plan = moved_plan()
+    middle = 0.5 * (plan.times[0] + plan.times[1])
+    fed = plan.gripper_wrench_at([plan.times[0] - 1.0, middle, plan.times[2], plan.times[-1] + 1.0])
+    own = [shape.gripper_wrench for shape in plan.shapes]
+    np.testing.assert_allclose(fed, [own[0], 0.5 * (own[0] + own[1]), own[2], own[-1]], atol=1e-12)
+    with pytest.raises(InvalidTask, match='times'):
+        plan.gripper_wrench_at([np.nan])
+
+
 def test_where_something_else_holds_another_stage_begins():
     plan = inserted()
     assert [(stage.name, stage.first, len(stage)) for stage in plan.stages] == [

@@ -17,7 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from itertools import product
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,18 +26,19 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.sliding import answer_at
 from dlo_planner.direct.statics import Grips
 from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.inverse.aiming import Aim, part_led, straightness
 from dlo_planner.inverse.equilibria import least_turn
 from dlo_planner.inverse.stages import Stages, again, held_at_first, upwards
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import SHARPEST, led, limit
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, items, number, row, vector
-from dlo_planner.model.holds import RINGS, FarEnd, Hold, holds_of
+from dlo_planner.model.holds import RINGS, FarEnd, Hold, Holds, holds_of
 from dlo_planner.model.obstacles import Box
 from dlo_planner.model.pose import Pose, angle_between, displaced
+from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.plan import Plan, PlanStatus, truncate
@@ -49,13 +51,16 @@ _STEP = 0.04         # of the length: between two waypoints of the way
 _ENTRIES = 6         # waypoints from the standoff to the seat
 _LEAST = 0.05        # of the length: the least that is left to lead by
 _RISES = 0.0, 0.1, 0.2, 0.35  # of the length: by how much the gripper rises on its way
-_SWING, _STEEPEST = 0.05, 0.35  # rad: by which it swings into a fitting, and how far beyond level
+# rad: by which it swings into a fitting, the least, and how far beyond level
+_SWING, _LEAST_SWING, _STEEPEST = 0.1, 0.025, 0.35
 _FIRM, _LESS_FIRM = 0.1, 0.5  # least stability of a DLO that presses; or of what it has before
 _TAUTEST = 2e-5      # of the DLO between: the least that is slack
-_PULLS, _PULLED = 16, 0.2  # trials of how slack it is where the gripper pulls as it should, nearly
+# trials of how slack it is where the gripper pulls as it should, nearly: unevenly it would jerk
+_PULLS, _PULLED = 16, 0.1
+_EASIER = 1.2        # times more than before it pulled: the gripper goes back no farther
 _ABOUT = 2.0         # times less or more than it should: how the gripper may pull on its way
 _PASSING = 0.02      # of the length: what the DLO may miss a mouth by while it is drawn straight
-_STRONGER = 1.3      # by which it pulls more then
+_STRONGER = 1.5      # by which it pulls more then
 _LOOSER = 1.5        # by which it is slackened, or drawn tighter, until it pulls less, or more
 # rad: by how much the gripper goes aside to press, past what stands ahead; the least that is enough
 _ASIDE = 0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.8, -0.8
@@ -341,21 +346,6 @@ class Route(Task):
         return _Routing(self, context).plan()
 
 
-class _Aim(NamedTuple):
-    """What the DLO is to be like at a fitting."""
-
-    pose: Pose
-    aside: Floats    # (3,) unit vector across the DLO and the mouth
-    s: float | None  # the place that is to be there, m; None: whichever is nearest
-
-    @property
-    def places(self) -> Floats:
-        """(k, 3) directions in which its place counts."""
-        along = self.pose.rotation[:, 0]
-        out = np.cross(along, self.aside)
-        return np.array([self.aside, out] if self.s is None else [self.aside, out, along])
-
-
 class _Routing:
     """Makes the stages of a Route one after the other."""
 
@@ -369,6 +359,7 @@ class _Routing:
         self._demands = replace(context.demands, wrench_limits=(task.max_force, task.max_moment),
                                 clearance=task.clearance)
         self._names = [f'{one.word} {k}' for k, one in enumerate(task.fittings, start=1)]
+        self._back = list[Pose]()  # by which the gripper came where it is, as it pressed
         self._bow = 0.0  # rad, by which the gripper is turned down as the DLO enters
         self._keep_off(0)
         self._stages = Stages(self._demands.speeds)
@@ -418,8 +409,8 @@ class _Routing:
         self._silent = replace(self._demands.silent(),
                                obstacles=(*self._demands.obstacles, *bodies))
 
-    def _aim_at(self, fitting: Fitting, shape: Shape, name: str) -> _Aim:
-        """Return the _Aim before a fitting, or raise Infeasible where it is out of reach."""
+    def _aim_at(self, fitting: Fitting, shape: Shape, name: str) -> Aim:
+        """Return the Aim before a fitting, or raise Infeasible where it is out of reach."""
         pose = before(fitting, self._task.standoff)
         if not shape.holds:  # the far end hangs: nothing but the gripper says what is there
             tail = 0.2 * self._length if self._task.tail is None else self._task.tail
@@ -427,7 +418,7 @@ class _Routing:
                 raise InvalidTask(f'tail = {tail:g}: expected less than '
                                   f'{(1 - _LEAST) * self._length:g} m, so that the gripper can '
                                   'lead')
-            return _Aim(pose, fitting.aside, self._length - tail)
+            return Aim(pose, fitting.aside, self._length - tail)
         way, at, last = self._way_from(shape, fitting)
         if at < (1 + self._task.slack) * way + _LEAST * self._length:
             raise self._refused(
@@ -435,7 +426,7 @@ class _Routing:
                 f'{name} cannot be reached: the way to it is {way:.3g} m, the DLO between '
                 f'{last} and the gripper {at:.3g} m, and {_LEAST * self._length:.3g} m are left '
                 'to lead by')
-        return _Aim(pose, fitting.aside, None)
+        return Aim(pose, fitting.aside, None)
 
     def _way_from(self, shape: Shape, fitting: Fitting) -> tuple[float, float, str]:
         """Return the way from the last fitting to one, how much DLO there is, m, and its name."""
@@ -446,7 +437,7 @@ class _Routing:
 
     # ---- where the gripper has to be ----------------------------------------------------------
 
-    def _gripper_for(self, fitting: Fitting, shape: Shape, aim: _Aim, name: str) -> Pose:
+    def _gripper_for(self, fitting: Fitting, shape: Shape, aim: Aim, name: str) -> Pose:
         """Return the gripper's Pose at the standoff, found from a DLO that is nearly straight."""
         at = aim.pose.position
         along = aim.pose.rotation[:, 0]
@@ -463,7 +454,7 @@ class _Routing:
                                 f'before {name}, {lead:.3g} m ahead of it')
         found = self._aimed(there, aim)
         if found is None:
-            raise self._refused(name, 'aim', self._miss(there, aim), f'no pose of the gripper is '
+            raise self._refused(name, 'aim', aim.miss(there), f'no pose of the gripper is '
                                 f'found that leads the DLO past the mouth of {name}')
         return found.gripper
 
@@ -471,7 +462,7 @@ class _Routing:
         """Return the Shape at a goal of the gripper, whatever is in the way; None: a fall."""
         for rise in _RISES:
             there = shape
-            for pose in self._poses(shape, goal, rise):
+            for pose in self._poses(shape.gripper, shape.holds, goal, rise):
                 self._context.progress.check()
                 there = self._simulator.track([pose], initial=there, holds=[there.holds])[0]
                 if not there.converged or there.jumped:
@@ -480,9 +471,9 @@ class _Routing:
                 return there
         return None
 
-    def _aimed(self, shape: Shape, aim: _Aim) -> Shape | None:
-        """Return the Shape that meets an _Aim, near another one; None if none is found."""
-        miss, size = self._rows(shape, aim)
+    def _aimed(self, shape: Shape, aim: Aim) -> Shape | None:
+        """Return the Shape that meets an Aim, near another one; None if none is found."""
+        miss, size = aim.rows(shape)
         by, (pulls, slack) = _LOOSER, self._pulls(shape, _LOOSER)
         known: Shape | None = None  # that is in the middle, however the gripper pulls
         for _ in range(_CORRECTIONS):
@@ -496,25 +487,18 @@ class _Routing:
                 pose = self._slack(shape, displaced(shape.gripper, step), 1 - slack)
                 there = self._simulator.track([pose], initial=shape, holds=[shape.holds])[0]
                 if there.converged and not there.jumped:
-                    missed, after = self._rows(there, aim)
+                    missed, after = aim.rows(there)
                     if after < size or not pulls and after < size + _PASSING:
                         break
                 step = 0.5 * step
             else:
                 break
-            looser = slack > 1 - self._straight(shape)
+            looser = slack > 1 - straightness(shape)
             shape, miss, size = there, missed, after
             pulls, slack = self._pulls(shape, by)
-            if (slack > 1 - self._straight(shape)) != looser:  # too much before, too little now
+            if (slack > 1 - straightness(shape)) != looser:  # too much before, too little now
                 by = float(np.sqrt(by))
         return known
-
-    def _straight(self, shape: Shape) -> float:
-        """Return how far the gripper is from what holds next to it, of the DLO between."""
-        if not shape.holds:
-            return 1.0
-        way = shape.gripper.position - shape.holds[0].pose.position
-        return float(np.linalg.norm(way)) / (self._at(shape) * self._length)
 
     def _pulls(self, shape: Shape, by: float) -> tuple[bool, float]:
         """Return whether the gripper pulls about as it should, and what would be slack if it did.
@@ -523,8 +507,8 @@ class _Routing:
         """
         if not shape.holds:
             return True, 0.0
-        slack = 1 - self._straight(shape)
-        wanted = self._least_pull(self._at(shape) * self._length)
+        slack = 1 - straightness(shape)
+        wanted = self._least_pull(part_led(shape))
         pull = self._pull(shape, shape.holds[0].pose.position)
         if wanted / _ABOUT < pull < wanted * _ABOUT:
             return True, slack
@@ -539,87 +523,25 @@ class _Routing:
             return pose
         pivot = shape.holds[0].pose.position
         way = pose.position - pivot
-        most = straight * self._at(shape) * self._length / float(np.linalg.norm(way))
+        most = straight * part_led(shape) / float(np.linalg.norm(way))
         return pose if most >= 1.0 else Pose(pivot + most * way, pose.quaternion)
 
-    def _place(self, shape: Shape, aim: _Aim) -> float:
-        """Return the place of the DLO that is level with an _Aim along its tangent, m."""
-        if aim.s is not None:
-            return aim.s
-        last = shape.holds[0].s if shape.holds else None
-        most = self._length if last is None else last
-        inside = shape.s <= most
-        away = np.linalg.norm(shape.positions[inside] - aim.pose.position, axis=1)
-        s, along = float(shape.s[inside][away.argmin()]), aim.pose.rotation[:, 0]
-        for _ in range(20):
-            axes, place = shape.frame_at(s)
-            by = float((aim.pose.position - place) @ along) / max(float(axes[:, 0] @ along), 0.2)
-            s = min(max(s + by, 0.0), most)
-            if abs(by) < 1e-12 * self._length:
-                break
-        return s
-
-    def _rows(self, shape: Shape, aim: _Aim) -> tuple[Floats, float]:
-        """Return (k,) what a Shape misses of an _Aim, of the length and rad, and the largest."""
-        axes, place = shape.frame_at(self._place(shape, aim))
-        off = (place - aim.pose.position) / self._length
-        rows = aim.places @ off
-        ahead = axes[:, 0] @ aim.pose.rotation[:, 0] > 0
-        return rows, float(np.abs(rows).max()) if ahead else np.inf
-
-    def _miss(self, shape: Shape, aim: _Aim) -> float:
-        return float(np.linalg.norm(shape.frame_at(self._place(shape, aim))[1]
-                                    - aim.pose.position))
-
-    def _motions(self, shape: Shape) -> Floats:
-        """Return (6, 3) twists of the gripper that are tried, by their sizes.
-
-        It goes anywhere, its axis turning as the DLO does about what holds next to it.
-        """
-        swings = np.zeros((6, 3))
-        swings[3:] = self._length * np.eye(3)
-        if shape.holds:
-            way = shape.gripper.position - shape.holds[0].pose.position
-            swings[:3] = self._length * np.cross(way, np.eye(3)).T / (way @ way)
-        return swings
-
-    def _at(self, shape: Shape) -> float:
-        """Return where what holds next to the gripper does, of the length."""
-        return (shape.holds[0].s or self._length) / self._length
-
-    def _correction(self, shape: Shape, aim: _Aim, miss: Floats, straight: float) -> Floats:
-        """Return the least twist (6,) of the gripper by which a Shape would meet an _Aim.
-
-        `straight`: the gripper's distance from what holds next to it, of the DLO between.
-        """
-        s = self._place(shape, aim)
-        answer, (axes, _) = answer_at(shape, s), shape.frame_at(s)
-        tangent, moved = axes[:, 0], answer[3:]
-        if aim.s is None:  # another place is level then
-            along = aim.pose.rotation[:, 0]
-            moved = moved - np.outer(tangent, along @ moved) / float(along @ tangent)
-        rows = aim.places @ moved / self._length
-        if shape.holds:  # as slack as before, whatever slides: else it would draw, or sag
-            way = shape.gripper.position - shape.holds[0].pose.position
-            size = float(np.linalg.norm(way))
-            rows = np.vstack([rows, np.append(np.zeros(3), way / size) / self._length])
-            miss = np.append(miss, size / self._length - straight * self._at(shape))
-        ways = self._motions(shape)
-        step: Floats = -ways @ (np.linalg.pinv(rows @ ways, rcond=1e-6) @ miss)
-        most = max(float(np.linalg.norm(step[:3])) / _TURN,
-                   float(np.linalg.norm(step[3:])) / (_SHIFT * self._length), 1.0)
-        return step / most
+    def _correction(self, shape: Shape, aim: Aim, rows: Floats, straight: float) -> Floats:
+        """Return the twist (6,) of `Aim.step`, no larger than one correction may be."""
+        step = aim.step(shape, rows, straight)
+        return step / max(float(np.linalg.norm(step[:3])) / _TURN,
+                          float(np.linalg.norm(step[3:])) / (_SHIFT * self._length), 1.0)
 
     # ---- stages -----------------------------------------------------------------------------
 
-    def _poses(self, shape: Shape, goal: Pose, rise: float) -> list[Pose]:
+    def _poses(self, begin: Pose, holds: Holds, goal: Pose, rise: float) -> list[Pose]:
         """Return Poses on the way to a goal, about what holds next to the gripper.
 
         `rise`: of the length, by how much they rise in the middle.
         """
-        begin, length = shape.gripper, self._length
+        length = self._length
         up = upwards(self._simulator.surroundings.gravity)
-        pivot = shape.holds[0].pose.position if shape.holds else None
+        pivot = holds[0].pose.position if holds else None
         whole = Rotation.from_matrix(goal.rotation @ begin.rotation.T).as_rotvec()
         spins = np.zeros(3)
         if pivot is not None:
@@ -646,11 +568,15 @@ class _Routing:
         return [*poses[:-1], goal]
 
     def _way(self, shape: Shape, goal: Pose, name: str) -> Shape:
-        """Add the stage in which the gripper goes to a Pose; return its end."""
+        """Add the stage in which the gripper goes to a Pose; return its end.
+
+        Straight on or rising; if that cannot be, back first as it came when it pressed.
+        """
         refused: Infeasible | None = None
-        for rise in _RISES:
+        for back, rise in product([[], self._back] if self._back else [[]], _RISES):
+            begin = back[-1] if back else shape.gripper
             grips = [Grips(pose, shape.holds) for pose in (
-                shape.gripper, *self._poses(shape, goal, rise))]
+                shape.gripper, *back, *self._poses(begin, shape.holds, goal, rise))]
             try:
                 plan = led(self._context, grips, self._silent, (), shape)
             except Infeasible as error:
@@ -662,7 +588,7 @@ class _Routing:
         assert refused is not None  # one way is tried at least
         raise again(refused, f'{name}: ')
 
-    def _entered(self, shape: Shape, fitting: Fitting, aim: _Aim,
+    def _entered(self, shape: Shape, fitting: Fitting, aim: Aim,
                  name: str) -> tuple[Shape, float]:
         """Add the stage in which the DLO goes into a fitting; return its end, and what is there."""
         heights = np.linspace(self._task.standoff, 0.0, _ENTRIES + 1)
@@ -671,25 +597,31 @@ class _Routing:
             begin = self._turned_down(found[-1], fitting, self._bow / heights.size)
             there = self._aimed(begin, aim._replace(pose=before(fitting, height)))
             if there is None:
-                raise self._refused(f'enter {name}', 'aim', self._miss(found[-1], aim._replace(
-                    pose=before(fitting, height))), f'{height:.3g} m before {name} no pose of the '
-                    'gripper leads the DLO straight in')
+                missed = aim._replace(pose=before(fitting, height)).miss(found[-1])
+                raise self._refused(f'enter {name}', 'aim', missed, f'{height:.3g} m before '
+                                    f'{name} no pose of the gripper leads the DLO straight in')
             found.append(there)
             poses.append(there.gripper)
         # once more without the corrections, as it is carried out
         builder = PlanBuilder(np.zeros(len(poses) + 1), replace(
             self._silent, tolerance=fitting.room), f'enter {name}: waypoint')
         builder.add(self._waypoint(shape, fitting, aim, heights[0]))
+        # it stops above the fitting, where what is seen of the DLO tells whether it goes in
+        top = 0.0 if fitting.size is None else 0.5 * float(fitting.size[2]) + (
+            Surface.of(self._context.rod).bound + self._task.clearance)
+        above = int((heights > top).sum()) if top else 0
         for pose, height in zip(poses, heights.tolist(), strict=True):
             after = self._simulator.track([pose], initial=shape, holds=[shape.holds])[0]
             if not after.converged or after.jumped:
-                raise builder.refusal('continuity', self._miss(after, aim), 'the DLO would not '
+                raise builder.refusal('continuity', aim.miss(after), 'the DLO would not '
                                       f'follow there: {after.status}')
             builder.add(self._waypoint(after, fitting, aim, height))
+            if above and height == heights[above - 1]:
+                builder.stop()
             shape = after
         plan = builder.finished()
         self._added(plan, f'enter {name}')
-        return shape, self._place(shape, aim._replace(pose=fitting.pose))
+        return shape, aim._replace(pose=fitting.pose).level(shape)
 
     def _turned_down(self, shape: Shape, fitting: Fitting, angle: float) -> Shape:
         """Return the Shape with the gripper turned in its place, rad, against a mouth."""
@@ -700,10 +632,10 @@ class _Routing:
         there = self._simulator.track([pose], initial=shape, holds=[shape.holds])[0]
         return there if there.converged and not there.jumped else shape
 
-    def _waypoint(self, shape: Shape, fitting: Fitting, aim: _Aim, height: float) -> Waypoint:
+    def _waypoint(self, shape: Shape, fitting: Fitting, aim: Aim, height: float) -> Waypoint:
         """Return the Waypoint of a Shape before the seat of a fitting, with what it misses."""
         pose = before(fitting, height)
-        made = waypoint_at(shape, pose.position, self._place(shape, aim._replace(pose=pose)),
+        made = waypoint_at(shape, pose.position, aim._replace(pose=pose).level(shape),
                            pose.rotation[:, 0])
         return made._replace(via_points=())
 
@@ -731,6 +663,7 @@ class _Routing:
                       * Rotation.from_rotvec((first - lower) * across)).as_matrix()
             level = np.cos(side) * ahead + np.sin(side) * across
             loose, tight, wide = slack, 0.0, np.inf  # between the last two is what is wanted
+            known: tuple[float, float] | None = None  # the last one, and its pull
             for _ in range(_PULLS):
                 if loose < _TAUTEST:
                     return None
@@ -740,7 +673,7 @@ class _Routing:
                 there = self._simulator.track([pose], initial=found[-1],
                                               holds=[found[-1].holds])[0]
                 if not there.converged or there.jumped:
-                    loose *= _LOOSER
+                    tight, known, loose = loose, None, loose * _LOOSER
                     continue
                 pulls = self._pull(there, seat)
                 lifts = self._push(there, fitting, name) < -wanted * _LIFTS
@@ -752,22 +685,38 @@ class _Routing:
                     good = there.stability > firm and self._silent.violation(
                         Waypoint(there)) is None
                     return (there, loose) if good else None
-                loose = (loose * (_LOOSER if much else 1 / _LOOSER)
-                         if not tight or wide == np.inf else float(np.sqrt(tight * wide)))
+                guess = loose * (_LOOSER if much else 1 / _LOOSER)
+                if known is not None and min(pulls, known[1]) > 0 and pulls != known[1]:
+                    # a power of what is slack, nearly
+                    power = np.log(loose / known[0]) / np.log(pulls / known[1])
+                    guess = loose * float(np.clip((wanted / pulls) ** power, 1 / _LOOSER**2,
+                                                  _LOOSER**2))
+                known = loose, pulls
+                if not tight < guess < wide:
+                    guess = float(np.sqrt(tight * wide)) if tight and wide < np.inf else loose * (
+                        _LOOSER if much else 1 / _LOOSER)
+                loose = guess
             return None
 
+        swing = _SWING
         while beside != aside or len(found) < 2 or fitting.push and (
                 self._push(found[-1], fitting, name) < fitting.push):
             self._context.progress.check()
             left = aside - beside
-            tries = [(angle - _SWING, beside, pull), (angle, beside, _STRONGER * pull)]
+            by = min(swing, angle + _STEEPEST)
+            tries = [(angle - by, beside, pull), (angle, beside, _STRONGER * pull)]
             if left:
                 tries = [(angle, aside - float(np.sign(left)) * max(0.0, abs(left) - _SWING), pull)]
+            elif by < _LEAST_SWING:
+                del tries[0]
             for lower, side, wanted in tries:
-                if lower > -_STEEPEST and (there := pressed(lower, side, wanted)) is not None:
+                if (there := pressed(lower, side, wanted)) is not None:
                     if (lower, side, there[1]) != (angle, beside, slack):  # else it pulls enough
                         found.append(there[0])
                     angle, beside, pull, slack = lower, side, wanted, there[1]
+                    break
+                if lower < angle:
+                    swing *= 0.5  # something is in the way, or it would lift off
                     break
             else:
                 break
@@ -808,8 +757,12 @@ class _Routing:
             raise self._refused(
                 f'press {name}', 'push', fitting.push - pushed, f'{name} snaps at '
                 f'{fitting.push:.3g} N, the DLO presses into it with {pushed:.3g} N at most', 'N')
-        # and back, as slack as before, for what comes next
-        grips = [Grips(one.gripper, one.holds) for one in (*found, *found[-2::-1])]
+        # and back until it pulls as little as before, for what comes next
+        pulls = [self._pull(one, fitting.pose.position) for one in found]
+        most = _EASIER * max(pulls[0], self._least_pull(s))
+        easy = max(k for k, pull in enumerate(pulls) if not k or pull < most)
+        grips = [Grips(one.gripper, one.holds) for one in (*found, *reversed(found[easy:-1]))]
+        self._back = [one.gripper for one in reversed(found[:easy])]
         try:
             plan = led(self._context, grips, self._silent, (len(found) - 1,), begin)
         except Infeasible as error:
