@@ -224,6 +224,9 @@ def strands() -> None:
         end = FarEnd(Pose.from_rotation(shape.positions[-1], shape.frames[-1]))
         held = direct.solve(_LEVEL, shape, far_end=end)
         direct.solve(_TILTED, held, far_end=end)
+        rough = DirectSimulator(loop, basis=basis, n_elements=24, n_terms=12, self_contact=True,
+                                self_friction=0.3)
+        rough.solve(_TILTED, rough.solve(_LEVEL))
     direct.simulate([_LEVEL] * 3, 1e-3, initial=held, far_ends=[end] * 3)
 
 

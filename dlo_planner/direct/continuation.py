@@ -386,7 +386,7 @@ def _lost(previous: Shape, shape: Shape) -> bool:
     if lost <= least:
         return False
     past, mesh, feed = shape.state.history, shape.state.mesh, shape.state.feed
-    if past is not None and shape.contacts:
+    if past is not None and (shape.contacts or shape.self_contacts):
         lost -= past.friction_work
     if feed is not None:
         lost -= feed.work

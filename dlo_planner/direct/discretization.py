@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation, Slerp
 
 from dlo_planner.energy.contact import Contact, ContactSet
 from dlo_planner.energy.grip import HoldRows, no_holds
@@ -28,7 +29,7 @@ from dlo_planner.energy.plastic import (
 )
 from dlo_planner.energy.problem import Problem, with_gripper
 from dlo_planner.energy.scene import Scene, build_scene
-from dlo_planner.energy.strands import NO_RAYS, Strands, no_strands
+from dlo_planner.energy.strands import NO_RAYS, Strands, no_strands, smooth_strands
 from dlo_planner.energy.terms import TERMS, free_terms, structure_of
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.basis import equidistribute, orthonormal_basis, very_twisted
@@ -92,6 +93,8 @@ class ContactPoints(NamedTuple):
 
 
 _NO_INDEX, _NO_NUMBER, NOWHERE = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 3))
+NO_STRANDS, NO_FRAMES = np.zeros((0, 7)), np.zeros((0, 3, 3))
+freeze((NO_STRANDS, NO_FRAMES))
 NO_POINTS = ContactPoints(_NO_INDEX, _NO_INDEX, _NO_NUMBER, _NO_NUMBER, *[NOWHERE] * 4)
 freeze(NO_POINTS)
 
@@ -113,9 +116,12 @@ class Memory(Value):
     hinge: float = -1.0      # m, arc length where a step has left a plastic hinge; < 0: nowhere
     original_set: tuple[Floats, Floats] | None = field(default=None, compare=False)
     # s, plastic, where that was made on another mesh
-    # (P, 3) arc lengths in m of places that bear on each other, the first before the second, and
-    # the force in N
-    strands: Floats = field(default_factory=lambda: NOWHERE)
+    # (P, 7) arc lengths in m of places that bear on each other, the first before the second; the
+    # force in N; friction in N along the tangents of `energy.strands.tangents`, and by how much the
+    # first slid on the second in the step, m
+    strands: Floats = field(default_factory=lambda: NO_STRANDS)
+    # (N + 1, 3, 3) of the nodes at its end, of strands that rub on each other; else (0, 3, 3)
+    frames: Floats = field(default_factory=lambda: NO_FRAMES)
 
     @classmethod
     def empty(cls, s: Floats, springs: int, bodies: int, of: Surroundings) -> Memory:
@@ -125,7 +131,7 @@ class Memory(Value):
         freeze((plastic, force))  # nobody else has them: they need not be judged
         put(past, s=s, plastic=plastic, dissipated=0.0, hold=_NO_NUMBER, node_force=force,
             points=NO_POINTS, positions=NOWHERE, tangents=NOWHERE, of=of, set_error=0.0,
-            hinge=-1.0, original_set=None, strands=NOWHERE)
+            hinge=-1.0, original_set=None, strands=NO_STRANDS, frames=NO_FRAMES)
         return past
 
     @cached_property
@@ -154,12 +160,14 @@ class Memory(Value):
         """Work in J of friction in the step that left it, with the forces at its end."""
         rubs = self.points.obstacle < 0
         force, way = self.points.shear[rubs], self.points.slid[rubs]
-        return float(np.abs(np.sum(force * way, axis=1)).sum())
+        between = np.sum(self.strands[:, 3:5] * self.strands[:, 5:], axis=1)
+        return float(np.abs(np.sum(force * way, axis=1)).sum() + np.abs(between).sum())
 
     def permanent_part(self) -> Memory:
         """Return what belongs to the rod: no forces, and not the way so far."""
         return changed(self, hold=_NO_NUMBER, node_force=np.zeros_like(self.node_force),
-                       points=NO_POINTS, positions=NOWHERE, tangents=NOWHERE, strands=NOWHERE)
+                       points=NO_POINTS, positions=NOWHERE, tangents=NOWHERE, strands=NO_STRANDS,
+                       frames=NO_FRAMES)
 
     def with_forces(self, other: Memory) -> Memory:
         """Return the same past with the forces of another one."""
@@ -183,7 +191,8 @@ class Memory(Value):
         put(past, s=s, plastic=np.zeros((s.size - 1, 0)), dissipated=0.0, hold=_NO_NUMBER,
             node_force=force, points=points._replace(anchor=points.anchor - points.slid).on(
                 self.s, s), positions=NOWHERE, tangents=NOWHERE, of=self.of,
-            set_error=self.set_error, hinge=self.hinge, original_set=None, strands=self.strands)
+            set_error=self.set_error, hinge=self.hinge, original_set=None, strands=self.strands,
+            frames=NO_FRAMES)
         freeze((past.plastic, force, past.points))
         return past
 
@@ -201,6 +210,7 @@ class Memory(Value):
         plastic = set_on(s, *of_set) if lasts else np.zeros((s.size - 1, self.plastic.shape[1]))
         return changed(self, s=s, plastic=plastic, node_force=force,
                        points=self.points.on(self.s, s), positions=positions, tangents=tangents,
+                       frames=_frames_at(self.s, self.frames, s),
                        original_set=of_set if lasts else None)
 
     def packed(self) -> dict[str, Any]:
@@ -211,7 +221,8 @@ class Memory(Value):
                 'lost': self.dissipated, 'hold': self.hold,
                 'node_force': self.node_force, **points, 'positions': self.positions,
                 'tangents': self.tangents,
-                **({'strands': self.strands} if self.strands.size else {})}
+                **({'strands': self.strands} if self.strands.size else {}),
+                **({'frames': self.frames} if self.frames.size else {})}
 
     @classmethod
     def unpacked(cls, arrays: Mapping[str, Any], length: float) -> Memory:
@@ -235,8 +246,19 @@ class Memory(Value):
                    _filed(arrays, 'positions', ends), _filed(arrays, 'tangents', ends),
                    set_error=float(_filed(arrays, 'set_error', (), 0.0)),
                    hinge=float(_filed({'hinge': -1.0, **arrays}, 'hinge', (), -1.0, length)),
-                   strands=_filed({'strands': NOWHERE, **arrays}, 'strands', (
-                       len(arrays.get('strands', ())), 3), 0.0))
+                   strands=_filed({'strands': NO_STRANDS, **arrays}, 'strands', (
+                       len(arrays.get('strands', ())), 7)),
+                   frames=_filed({'frames': NO_FRAMES, **arrays}, 'frames', (
+                       s.size if 'frames' in arrays else 0, 3, 3), -1.1, 1.1))
+
+
+def _frames_at(old: Floats, frames: Floats, s: Floats) -> Floats:
+    """Return frames (n + 1, 3, 3) at the nodes `s` of those on nodes `old`; none of none."""
+    if not len(frames):
+        return frames
+    turning = Slerp(old, Rotation.from_matrix(frames))
+    turned: Floats = turning(np.clip(s, old[0], old[-1])).as_matrix()
+    return turned
 
 
 def _filed(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], lowest: float = -np.inf,
@@ -473,9 +495,9 @@ class Discretization(Value):
         """Return the Strands that a Memory knows of, but for what is behind grips."""
         pairs = self.pairs_at(memory.strands)
         own = (pairs[:, 0] >= 0) & (pairs[:, 1] < self.s.size - 1)
-        return Strands(pairs[own], np.array(memory.strands[own, 2]),
-                       self.radii[pairs[own]].sum(axis=1), np.array(self.radii), NO_RAYS,
-                       self.pair_spring)
+        return smooth_strands(pairs[own], np.array(memory.strands[own, 2]),
+                              self.radii[pairs[own]].sum(axis=1), np.array(self.radii),
+                              NO_RAYS.copy(), self.pair_spring)
 
     def pairs_at(self, strands: Floats) -> Ints:
         """Return (P, 2) the strands in which places of a Memory's `strands` are.
@@ -606,6 +628,11 @@ class Discretization(Value):
     def touches_itself(self) -> bool:
         """Whether its strands keep each other off."""
         return self.surroundings.self_contact
+
+    @property
+    def rubs_itself(self) -> bool:
+        """Whether its strands rub on each other."""
+        return self.surroundings.self_friction > 0.0
 
     @cached_property
     def radii(self) -> Floats:

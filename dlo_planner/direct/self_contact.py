@@ -5,6 +5,11 @@
 Newton's method seeks the minimum with springs between strands and forces that stand beside them
 (`energy.strands`); then the forces take over what the springs bore, until these bear nothing
 (method of multipliers: Nocedal and Wright, ch. 17.4). Pairs are looked for anew in each round.
+
+Friction counts from the shape before the step, as it does on obstacles: what it was there, less a
+spring times the slip since then, within Coulomb's cone. In a round its limits are those of the
+forces of the round before, and its directions those of the shape there. The end is where both
+change nothing.
 """
 
 from __future__ import annotations
@@ -18,8 +23,17 @@ from dlo_planner.direct.search import KEPT, Search
 from dlo_planner.direct.self_passage import TURNING, bends_little
 from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.potential import configuration_at
-from dlo_planner.energy.problem import Problem
-from dlo_planner.energy.strands import NO_RAYS, Strands, bears, near_pairs, nearest_points
+from dlo_planner.energy.problem import Configuration, Problem
+from dlo_planner.energy.strands import (
+    NO_RAYS,
+    Strands,
+    bears,
+    near_pairs,
+    nearest_points,
+    put_friction,
+    put_slips,
+    smooth_strands,
+)
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.holds import Holds
@@ -41,6 +55,12 @@ _SHALLOW, _GROWTH, _LEAST = 0.9, 1.2, 0.02
 _WATCHED = 0.5     # of the larger radius: pairs as near as that beyond both radii are looked at
 _FALLEN = 1.5      # rad: what bends or twists by more in a step, in all, may have fallen
 _EXACT = 1e-7      # of the length: depths aimed at
+# Springs of friction are at first as stiff as this part of those between strands, and become so
+# many times as stiff in each round, until they are alike: what slides by far more than stiff
+# springs give goes to and fro
+_SOFT, _FIRMER = 1e-3, 10.0
+_PATIENCE = 10     # rounds with friction that hardly move anything: its limits follow in each
+_CONE = 1e-6       # of the largest force between strands: by how much friction may be off
 
 
 def may_have_met(previous: Shape, shape: Shape) -> bool:
@@ -88,26 +108,37 @@ def kept_apart(mesh: Discretization, memory: Memory, system: Problem, strains: F
         mesh.pairs_at(memory.strands).tolist(), memory.strands[:, 2].tolist(), strict=True)}
     thick = min([1.0, *(distance / reach for distance, reach in pairs)])
     while thick < _SHALLOW:
-        end = _kept_apart(mesh, mesh.radii * thick, {}, system, strains,
+        end = _kept_apart(mesh, mesh.radii * thick, {}, None, system, strains,
                           how._replace(check=False), solved)
         if not end.residual < np.inf:
             break  # as thick as it is it may be found all the same
         strains, thick = end.strains, min(_GROWTH * thick + _LEAST, 1.0)
-    return _kept_apart(mesh, mesh.radii, known, system, strains, how, solved)
+    return _kept_apart(mesh, mesh.radii, known, memory if mesh.rubs_itself else None, system,
+                       strains, how, solved)
 
 
-def _kept_apart(mesh: Discretization, radii: Floats, known: dict[tuple[int, int], float],
+Forces = dict[tuple[int, int], float]  # N, of pairs
+
+
+def _kept_apart(mesh: Discretization, radii: Floats, known: Forces, memory: Memory | None,
                 system: Problem, strains: Floats, how: Search,
                 solved: Callable[[Problem, Floats, Search], Solution]) -> Solution:
-    """Return what `kept_apart` does of strands with these radii (N,) and known forces, N."""
+    """Return what `kept_apart` does of strands with these radii (N,) and known forces.
+
+    They rub on each other where there is a `memory` of the shape before.
+    """
     lengths, rays, spring = mesh.free.lengths, system.rays, mesh.pair_spring
     positions = _places(system, strains)
     length, left, check, iterations, kicks = float(mesh.s[-1]), np.inf, False, 0, 0
+    firm, crept = _SOFT, 0
     while True:
         strands = _near(lengths, strains, rays, positions, radii, known, spring)
+        if memory is not None:
+            strands = _rubbing(mesh, memory, system, strains, strands, known, firm)
         steps = _STEPS if len(strands.pair) else _FREE
         if mesh.obstructed:
             steps = how.steps
+        begun = iterations
         end = solved(system._replace(strands=strands), strains,
                      how._replace(steps=steps, check=check))
         iterations, kicks = iterations + end.iterations, kicks + end.kicks
@@ -115,21 +146,27 @@ def _kept_apart(mesh: Discretization, radii: Floats, known: dict[tuple[int, int]
         moved = float(np.abs(end.positions - positions).max())
         strains, positions = end.strains, end.positions
         borne, off = _borne(lengths, positions, strands)
+        lawful = True
+        if memory is not None:
+            end, lawful = _obeyed(mesh, memory, system, end, strands, borne)
+            lawful = lawful and firm == 1.0
         if end.residual < _ROUGH:  # else forces are those of a shape that is none
             if off > max(_SLOWLY * left, _EXACT * length):
                 spring = min(_STIFFER * spring, _STIFFEST * mesh.pair_spring)
-            known, left = borne, off
+            known, left, firm = borne, off, min(_FIRMER * firm, 1.0)
         watched = {tuple(pair) for pair in strands.pair.tolist()}
         inside = _pairs(lengths, strains, rays, positions, radii, 0.0)
-        if (end.stationary and end.violation <= KEPT * length and off <= _EXACT * length
+        if (end.stationary and end.violation <= KEPT * length and off <= _EXACT * length and lawful
                 and all(tuple(pair) in watched for pair in inside.tolist())):
             if check or not how.check:
                 return end
             check = True
             continue
         creeps = moved < (_STUCK if len(strands.pair) else _CREEPS) * length
+        made = iterations if memory is None else iterations - begun
+        crept = crept + 1 if creeps and made >= 0.5 * steps else 0
         if (iterations >= _MORE * how.steps or not end.residual < np.inf
-                or creeps and end.iterations >= 0.5 * steps):
+                or crept > (0 if memory is None else _PATIENCE)):
             return end
 
 
@@ -150,11 +187,54 @@ def _pairs_at(mesh: Discretization, system: Problem,
 
 
 def _near(lengths: Floats, strains: Floats, rays: Floats, positions: Floats, radii: Floats,
-          known: dict[tuple[int, int], float], spring: float) -> Strands:
-    """Return the Strands of pairs that are near, with the forces that are known."""
+          known: Forces, spring: float) -> Strands:
+    """Return the Strands of pairs that are near, with the normal forces that are known."""
     pairs = _pairs(lengths, strains, rays, positions, radii, _WATCHED * float(radii.max()))
     forces = np.array([known.get((i, j), 0.0) for i, j in pairs.tolist()])
-    return Strands(pairs, forces, _reaches(radii, pairs), radii, rays, spring)
+    return smooth_strands(pairs, forces, _reaches(radii, pairs), radii, rays, spring)
+
+
+def _rubbing(mesh: Discretization, memory: Memory, system: Problem, strains: Floats,
+             strands: Strands, bears: Forces, part: float) -> Strands:
+    """Return the Strands with friction, in springs as stiff as a part of what they are.
+
+    `memory` is of the shape before, `bears` has normal forces that limit it.
+    """
+    before = dict(zip(map(tuple, mesh.pairs_at(memory.strands).tolist()),
+                      memory.strands[:, 3:5].tolist(), strict=True))
+    pairs = [tuple(pair) for pair in strands.pair.tolist()]
+    now, slips, limits = _slips(mesh, memory, system, strains, strands)
+    return strands._replace(
+        rub_force=np.array([before.get(pair, (0.0, 0.0)) for pair in pairs]).reshape(-1, 2),
+        rub_limit=limits * [bears.get(pair, 0.0) for pair in pairs], rub_slip=slips,
+        rub_places=now.positions, rub_frames=now.rotations,
+        rub_spring=part * mesh.pair_spring if len(memory.frames) else 0.0)
+
+
+def _slips(mesh: Discretization, memory: Memory, system: Problem, strains: Floats,
+           strands: Strands) -> tuple[Configuration, Floats, Floats]:
+    """Return the shape, slips (P, 2) of pairs since the shape before, m, and limits by forces."""
+    now, count = configuration_at(system, strains), len(strands.pair)
+    slips, touched = np.zeros((count, 2)), np.zeros(count)
+    # (where nobody knows a shape before, there is no slip, and friction is what it was)
+    places, frames = ((np.array(memory.positions), np.array(memory.frames)) if len(memory.frames)
+                      else (now.positions, now.rotations))
+    put_slips(strands, mesh.free.lengths, now, places, frames, slips, touched)
+    return now, slips, mesh.surroundings.self_friction * touched
+
+
+def _obeyed(mesh: Discretization, memory: Memory, system: Problem, end: Solution,
+            strands: Strands, bears: Forces) -> tuple[Solution, bool]:
+    """Return a Solution with the friction of its slips, and whether that is what acts."""
+    forces = [bears.get((i, j), 0.0) for i, j in strands.pair.tolist()]
+    now, slips, limits = _slips(mesh, memory, system, np.array(end.strains), strands)
+    acting, lawful = np.zeros_like(slips), np.zeros_like(slips)
+    put_friction(strands, mesh.free.lengths, now, acting)
+    there = strands._replace(rub_limit=limits * forces, rub_slip=slips, rub_places=now.positions,
+                             rub_frames=now.rotations)
+    put_friction(there, mesh.free.lengths, now, lawful)
+    return (end._replace(strands=there),
+            bool(np.abs(lawful - acting).max(initial=0.0) <= _CONE * max(forces, default=0.0)))
 
 
 def springs_between(mesh: Discretization, gripper: Pose, holds: Holds, strains: Floats,
@@ -165,8 +245,8 @@ def springs_between(mesh: Discretization, gripper: Pose, holds: Holds, strains: 
     """
     rays = rays_behind(gripper, holds, float(mesh.s[-1]))
     pairs = _pairs(mesh.free.lengths, strains, rays, positions, mesh.radii, 0.0)
-    return Strands(pairs, np.zeros(len(pairs)), _reaches(mesh.radii, pairs), mesh.radii, rays,
-                   mesh.pair_spring)
+    return smooth_strands(pairs, np.zeros(len(pairs)), _reaches(mesh.radii, pairs), mesh.radii,
+                          rays, mesh.pair_spring)
 
 
 def _reaches(radii: Floats, pairs: Ints) -> Floats:
@@ -189,7 +269,7 @@ def _pairs(lengths: Floats, strains: Floats, rays: Floats, positions: Floats, ra
 
 
 def _borne(lengths: Floats, positions: Floats,
-           strands: Strands) -> tuple[dict[tuple[int, int], float], float]:
+           strands: Strands) -> tuple[Forces, float]:
     """Return the forces of pairs, N, and by how much the springs still bear, m."""
     known, off = {}, 0.0
     for p, (i, j) in enumerate(strands.pair.tolist()):

@@ -18,7 +18,7 @@ from dlo_planner.direct.modes import MOST_MODES, SPARE, Linearized, Modes, conti
 from dlo_planner.direct.section_forces import SectionForces, section_forces
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.direct.touches import Touch, touches_of
-from dlo_planner.energy.strands import Strands, bears, nearest_points
+from dlo_planner.energy.strands import Strands, bears, nearest_points, tangents
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import folded, frame_along, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
@@ -147,6 +147,9 @@ class SelfContact(Value):
         Unit vector from the axis at other_s to that at s.
     force : float
         Force in N, along the normal, on the DLO at s, > 0; at other_s acts its opposite.
+    friction : ndarray, shape (3,)
+        Friction in N, on the DLO at s, across the normal; at other_s acts its opposite. Both act on
+        the surfaces, where these touch.
     penetration : float
         By how much the axes are nearer than both radii, m, >= 0.
     """
@@ -156,24 +159,40 @@ class SelfContact(Value):
     position: np.ndarray
     normal: np.ndarray
     force: float
+    friction: np.ndarray
     penetration: float
 
     def __post_init__(self) -> None:
         put(self, **{name: figure(f'SelfContact.{name}', getattr(self, name))
                      for name in ('s', 'other_s', 'force', 'penetration')},
             **{name: results(f'SelfContact.{name}', getattr(self, name), (3,))
-               for name in ('position', 'normal')})
+               for name in ('position', 'normal', 'friction')})
         super().__post_init__()
 
     def __repr__(self) -> str:
         return brief(self, f's {self.s:.4g} m', f'other_s {self.other_s:.4g} m',
                      f'force {self.force:.3g} N', f'penetration {self.penetration:.2g} m')
 
+    @property
+    def vector(self) -> np.ndarray:
+        """(3,) N, the whole force on the DLO at s."""
+        result: np.ndarray = self.force * self.normal + self.friction
+        return result
+
 
 def self_contacts_of(s: Floats, positions: Floats,
-                     strands: Strands) -> tuple[tuple[SelfContact, ...], float]:
-    """Return the SelfContacts, by arc length, of nodes s (N + 1,), and the largest depth, m."""
-    found, deepest, lengths = [], 0.0, np.diff(s)
+                     strands: Strands) -> tuple[tuple[SelfContact, ...], float, Floats]:
+    """Return the SelfContacts, by arc length, of nodes s (N + 1,), and the largest depth, m.
+
+    And what a Memory has of them as its `strands`.
+    """
+    found, deepest, lengths, axes = [], 0.0, np.diff(s), np.zeros((3, 3))
+    known, rubs = [], np.zeros((len(strands.pair), 4))
+    if len(strands.rub_limit):
+        rubs[:, :2] = strands.rub_force - strands.rub_spring * strands.rub_slip
+        sizes = np.maximum(np.linalg.norm(rubs[:, :2], axis=1), 1e-300)
+        rubs[:, :2] *= np.minimum(strands.rub_limit / sizes, 1.0)[:, None]
+        rubs[:, 2:] = strands.rub_slip
     along = np.diff(s, prepend=s[0] - s[-1], append=2.0 * s[-1])
     at = np.array([s[0] - s[-1], *s])
     places = np.array([positions[0] - strands.rays[0], *positions,
@@ -186,10 +205,18 @@ def self_contacts_of(s: Floats, positions: Floats,
         if force > 0.0:
             place, away = ((1.0 - t) * places[e + 1] + t * places[e + 2]
                            for e, t in ((i, a), (j, b)))
-            apart = place - away
+            apart, friction = place - away, np.zeros(3)
+            if rubs[p, :2].any():
+                tangents(positions, i, a, j, b, axes)
+                friction = rubs[p, :2] @ axes[1:]
+            # (the distance has a part that keeps nearest points in the middle, and bears nothing)
+            width = float(np.linalg.norm(apart))
             found.append(SelfContact(at[i + 1] + a * along[i + 1], at[j + 1] + b * along[j + 1],
-                                     place, apart / np.linalg.norm(apart), force, depth))
-    return tuple(sorted(found, key=lambda one: (one.s, one.other_s))), deepest
+                                     place, apart / width, force * width / distance, friction,
+                                     depth))
+            known.append([found[-1].s, found[-1].other_s, force, *rubs[p]])
+    return (tuple(sorted(found, key=lambda one: (one.s, one.other_s))), deepest,
+            np.reshape(known, (-1, 7)))
 
 
 class Feed(NamedTuple):
@@ -851,7 +878,9 @@ class Shape(Pictured):
             for one in self.self_contacts:  # on the nodes of its element
                 e, t = self._element_at(min(max(getattr(one, at), 0.0), float(self.s[-1])))
                 places += [self.s[e], self.s[e + 1]]
-                wrenches += [[*(sign * share * one.force * one.normal), 0.0, 0.0, 0.0]
+                # (friction acts on the surface, on both strands from the same side)
+                couple = -mesh.radii[e] * np.cross(one.normal, one.friction)
+                wrenches += [share * np.array([*(sign * one.vector), *couple])
                              for share in (1.0 - t, t)]
         for one in self.self_contacts:  # the grip has its moment, too
             if one.other_s > self.s[-1]:
@@ -1181,7 +1210,7 @@ def pack(shape: Shape) -> dict[str, Any]:
                    'wrenches': shape.wrenches}
     if shape.self_contacts:
         packed['self_contacts'] = np.array([
-            [c.s, c.other_s, *c.position, *c.normal, c.force, c.penetration]
+            [c.s, c.other_s, *c.position, *c.normal, c.force, *c.friction, c.penetration]
             for c in shape.self_contacts])
     packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
@@ -1196,7 +1225,7 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     """Return the Shape of the tree of `pack`."""
     contacts = tuple(Contact(int(row[0]), row[1], row[2:5], row[5:8], row[8], row[9:12], row[12])
                      for row in stored['contacts'])
-    touching = tuple(SelfContact(row[0], row[1], row[2:5], row[5:8], row[8], row[9])
+    touching = tuple(SelfContact(row[0], row[1], row[2:5], row[5:8], row[8], row[9:12], row[12])
                      for row in stored.get('self_contacts', ()))
     past = {name.removeprefix(_PAST): array for name, array in stored.items()
             if name.startswith(_PAST)}

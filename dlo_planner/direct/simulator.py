@@ -103,8 +103,11 @@ class DirectSimulator(Value):
         rotation of the equilibrium; of a given pose the rotation is only where the search begins,
         without a shape before.
     self_contact : bool, optional
-        Whether strands of the DLO keep each other off, without friction (`Shape.self_contacts`):
-        of a round, elastic DLO with a radius, in clamped grips. In motions they are springs.
+        Whether strands of the DLO keep each other off (`Shape.self_contacts`): of a round, elastic
+        DLO with a radius, in clamped grips. In motions they are springs.
+    self_friction : float, optional
+        Coefficient of friction between strands, with `self_contact`; 0 by default. It counts from
+        the shape before, so a first shape has none.
 
     Attributes
     ----------
@@ -137,10 +140,12 @@ class DirectSimulator(Value):
                  accuracy: float | None = None, gravity: ArrayLike = STANDARD_GRAVITY,
                  load: ArrayLike | Callable[[float], ArrayLike] | None = None,
                  obstacles: Iterable[Obstacle] = (), point_loads: Iterable[AnyLoad] = (),
-                 grip: str = 'clamped', self_contact: bool = False) -> None:
+                 grip: str = 'clamped', self_contact: bool = False,
+                 self_friction: float = 0.0) -> None:
         given: Any = {'gravity': gravity, 'load': load, 'obstacles': obstacles,
                       'point_loads': point_loads}  # judged there
-        around = Surroundings(rod, grip=grip, self_contact=self_contact, **given)
+        around = Surroundings(rod, grip=grip, self_contact=self_contact,
+                              self_friction=self_friction, **given)
         fixed = n_elements is not None or n_terms is not None
         put(self, surroundings=around, _history=None, method=choice('method', method, METHODS),
             strains=choice('strains', strains, STRAINS),
@@ -630,7 +635,7 @@ def clamping(name: str, simulator: object) -> DirectSimulator:
 
 _OPTIONS = tuple(name for name in signature(DirectSimulator).parameters
                  # what holds the DLO is theirs to say; parts of a DLO do not know each other
-                 if name not in ('rod', 'grip', 'self_contact'))
+                 if name not in ('rod', 'grip', 'self_contact', 'self_friction'))
 
 
 def known_options(options: Mapping[str, Any]) -> Mapping[str, Any]:

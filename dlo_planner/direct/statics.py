@@ -22,7 +22,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.coarse import coarsely
-from dlo_planner.direct.discretization import NOWHERE, ContactPoints, Discretization, Memory
+from dlo_planner.direct.discretization import (
+    NO_STRANDS,
+    NOWHERE,
+    ContactPoints,
+    Discretization,
+    Memory,
+)
 from dlo_planner.direct.search import (
     EXACT,
     KEPT,
@@ -818,9 +824,10 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     around, before = mesh.surroundings, memory or mesh.start
     hangs = mesh.hangs and not holds  # then the next step does not count from here
     self_contacts: tuple[SelfContact, ...] = ()
+    strands = NO_STRANDS
     violation = max(end.violation, end.inside)
     if end.strands is not None:
-        self_contacts, depth = self_contacts_of(mesh.s, end.positions, end.strands)
+        self_contacts, depth, strands = self_contacts_of(mesh.s, end.positions, end.strands)
         violation = max(violation, depth)
     for one in end[:4]:
         one.setflags(write=False)
@@ -834,7 +841,7 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     after: Memory = before
     contacts: tuple[Any, ...] = ()
     if not hangs:
-        after = memory_after(mesh, end, before, culled, self_contacts)
+        after = memory_after(mesh, end, before, culled, strands)
         if mesh.obstructed and not culled:
             contacts = contacts_of(mesh.s, end.contacts, gripper.position)
     shape = Shape.__new__(Shape)  # its arrays are its own: to judge them takes as long as a step
@@ -853,23 +860,25 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
 
 
 def memory_after(mesh: Discretization, end: Solution, before: Memory, culled: bool,
-                 touching: tuple[SelfContact, ...] = ()) -> Memory:
-    """Return what a Solution leaves to the next step."""
+                 touching: Floats = NO_STRANDS) -> Memory:
+    """Return what a Solution leaves to the next step; `touching`: its `Memory.strands`."""
     plastic, lost = before.plastic, before.dissipated
     force, points, strands = before.node_force, before.points, before.strands
+    frames = before.frames
     if not culled:
         if end.plastic is not None:
             plastic, lost = end.plastic, lost + end.lost
         if mesh.obstructed:
             force, points = end.forces[0], ContactPoints(*end.forces[1:])
         if mesh.touches_itself:
-            strands = read_only(np.array([[one.s, one.other_s, one.force] for one in touching])
-                                .reshape(-1, 3))
+            strands = read_only(touching)
+            frames = end.frames if mesh.rubs_itself else frames
     after = Memory.__new__(Memory)  # nobody else has its arrays: it need not look at them
     hold = mesh.start.hold if end.hold is None else end.hold
     put(after, s=mesh.s, plastic=plastic, dissipated=lost, hold=hold, node_force=force,
         points=points, positions=end.positions, tangents=end.frames[:, :, 0], of=mesh.surroundings,
-        set_error=before.set_error, hinge=before.hinge, original_set=None, strands=strands)
+        set_error=before.set_error, hinge=before.hinge, original_set=None, strands=strands,
+        frames=frames)
     return after
 
 

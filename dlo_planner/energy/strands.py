@@ -23,6 +23,16 @@ grips: two strands more, number -1 behind the gripper and N behind the far end. 
 the DLO, so that nothing of it swings past their ends: its link is kept (`geometry.writhe`). They
 move with the nodes there and have the directions of the grips, which do not depend on the shape.
 No term keeps the nearest point in their middle.
+
+Friction acts on the surfaces, where the two points of a pair touch, along two tangents that turn
+with them. By how much they have slid along each other is counted from a shape near by (`put_slip`),
+where it is `rub_slip`. A pair rubs with
+
+    t = the nearest to `rub_force` - `rub_spring` slip in the disk of radius `rub_limit`
+
+which near that shape is the derivative of a potential: its limit is given. The search
+(`direct.self_contact`) sets limit and shape anew until t obeys Coulomb's law. What is straight
+behind a grip does not rub.
 """
 
 from __future__ import annotations
@@ -34,12 +44,15 @@ import numpy as np
 from dlo_planner.geometry.record import Record
 from dlo_planner.geometry.self_distance import heads_back
 from dlo_planner.geometry.self_passage import passes_itself, passes_ray
+from dlo_planner.geometry.so3 import coefficients_in, jacobians_with, matrix, times
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 
 SOFT = 1e-3        # of the squared length of a chord: chords at a smaller angle than its root, in
 #                    rad, are parallel
-ROWS = 5           # of a pair at most, see `put_rows`
+ACROSS = 5         # rows of a pair at most, see `put_rows`
+ROWS = ACROSS + 2  # with those of friction
+_TOUCHED = 0.1     # of the reach: surfaces as far apart have not rubbed on each other yet
 _DEEPEST = 0.9    # of the reach: strands that a step leaves nearer are not known of yet
 _DEEP = 0.96       # the same: strands that are nearer are pushed out before anything else
 _MANY = 256        # pairs in each other that are looked at: what has more is no shape yet
@@ -58,6 +71,14 @@ class Strands(Record):
     # the far end, m; zeros where an end is free
     rays: Floats
     pair_spring: float    # N/m
+    # Of Q pairs, all of them or none: friction before on the first strand, N, along the tangents of
+    # `tangents`; its limits, N; slip since then, m, at the shape with these nodes
+    rub_force: Floats     # (Q, 2)
+    rub_limit: Floats     # (Q,)
+    rub_slip: Floats      # (Q, 2)
+    rub_places: Floats    # (N + 1, 3) m; none without Q
+    rub_frames: Floats    # (N + 1, 3, 3)
+    rub_spring: float     # N/m; 0: nobody knows how far they slid
 
 
 NO_RAYS = np.zeros((2, 3))  # of a DLO with a free end
@@ -68,8 +89,17 @@ def no_strands(radii: Floats, spring: float) -> Strands:
 
     Without radii, (0,), nothing keeps its strands off each other. `spring` in N/m.
     """
-    return Strands(np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), radii,
-                   NO_RAYS.copy(), spring)
+    return smooth_strands(np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), radii,
+                          NO_RAYS.copy(), spring)
+
+
+@kernel
+def smooth_strands(pair: Ints, force: Floats, reach: Floats, radii: Floats, rays: Floats,
+                   spring: float) -> Strands:
+    """Return the Strands that do not rub on each other; arguments as the first fields."""
+    return Strands(pair, force, reach, radii, rays, spring, np.zeros((0, 2)), np.zeros(0),
+                   np.zeros((0, 2)), np.zeros((0, 3)), np.zeros((0, 3, 3)), 0.0)
+
 
 
 def needs(effect: Strands) -> dict[str, Any]:
@@ -176,7 +206,48 @@ def add_forces(effect, system, state):
             pull[second, k] -= s * along
             pull[third, k] += (1.0 - t) * along
             pull[fourth, k] += t * along
-    return energy, size
+    more = _add_friction(effect, system.lengths, state)
+    return energy + more, size + abs(more)
+
+
+@kernel
+def _add_friction(effect, lengths, state):
+    """Add friction to `state.pull`, its couples to `state.slope`; return its potential in J."""
+    energy, spring, none = 0.0, effect.rub_spring, np.zeros((4, 3))
+    touch, values = new_touch(), np.empty((lengths.size, 3))
+    for p in range(effect.rub_limit.size):
+        limit = effect.rub_limit[p]
+        if limit == 0.0:
+            continue
+        size = put_trial(effect, lengths, state, p, touch)
+        if size < 0.0:
+            continue
+        part = 1.0 if size <= limit else limit / size
+        if spring > 0.0:
+            first, second = effect.rub_force[p]
+            energy += 0.5 * ((size * size if part == 1.0 else limit * (2.0 * size - limit))
+                             - first * first - second * second) / spring
+        for k in range(3):
+            along = part * (touch.trial[0] * touch.axes[1, k] + touch.trial[1] * touch.axes[2, k])
+            for m in range(4):
+                touch.forces[m, k] = touch.shares[m] * along
+                state.pull[touch.nodes[m], k] -= touch.forces[m, k]
+        put_couples(touch)
+        put_load_row(lengths, state, touch.nodes, none, touch.couples, values)
+        for e in range(lengths.size):
+            for k in range(3):
+                state.slope[e, k] -= values[e, k]
+    return energy
+
+
+@kernel
+def put_friction(effect: Strands, lengths: Floats, state: Any, out: Floats) -> None:
+    """Fill out (Q, 2) with the friction of pairs at a Configuration, N, along their tangents."""
+    touch = new_touch()
+    for p in range(out.shape[0]):
+        size, limit = put_trial(effect, lengths, state, p, touch), effect.rub_limit[p]
+        part = 0.0 if size < 0.0 else 1.0 if size <= limit else limit / size
+        out[p, 0], out[p, 1] = part * touch.trial[0], part * touch.trial[1]
 
 
 @kernel
@@ -273,8 +344,8 @@ def watching(effect, lengths, strains, rays, positions, gap):
     reaches = np.empty(count)
     for p in range(count):
         reaches[p] = _reach(effect.strand_radius, found[p, 0], found[p, 1])
-    return Strands(found[:count].copy(), np.zeros(count), reaches, effect.strand_radius, rays,
-                   effect.pair_spring)
+    return smooth_strands(found[:count].copy(), np.zeros(count), reaches, effect.strand_radius,
+                          rays, effect.pair_spring)
 
 
 @kernel
@@ -319,10 +390,26 @@ def escapes(effect, system, rays_before, before, state):
 def add_moments_behind(effect, system, state, wrench, wrenches):
     """Add the moments of what bears behind grips to wrenches (6,) and (A, 6) of gripper and holds.
 
-    Its forces these have, as if it acted on the ends of the DLO.
+    Its forces these have, as if it acted on the ends of the DLO; of friction they have the forces,
+    and not the couples, with which it is in balance.
     """
     if effect is None:
         return
+    touch = new_touch()
+    for p in range(effect.rub_limit.size):
+        limit = effect.rub_limit[p]
+        size = put_trial(effect, system.lengths, state, p, touch) if limit > 0.0 else -1.0
+        if size < 0.0:
+            continue
+        part = 1.0 if size <= limit else limit / size
+        for k in range(3):
+            along = part * (touch.trial[0] * touch.axes[1, k] + touch.trial[1] * touch.axes[2, k])
+            for m in range(4):
+                touch.forces[m, k] = touch.shares[m] * along
+        put_couples(touch)
+        for m in range(4):
+            for k in range(3):
+                wrench[3 + k] -= touch.couples[m, k]
     n, positions = system.lengths.size, state.positions
     for p in range(effect.pair.shape[0]):
         i, j = effect.pair[p, 0], effect.pair[p, 1]
@@ -416,8 +503,8 @@ def nodes_of(effect, n, p):
 def put_rows(effect, system, state, p, rows, weights):
     """Fill what pair p adds to second derivatives: a sum of weights times rows row^T.
 
-    Returns how many there are. Shapes: rows (ROWS, 4, 3) forces on the nodes that both strands move
-    with, see `nodes_of`; weights (ROWS,), N/m.
+    Returns how many there are. Shapes: rows (ACROSS, 4, 3) forces on the nodes that both strands
+    move with, see `nodes_of`; weights (ACROSS,), N/m. Without friction.
     """
     i, j = effect.pair[p, 0], effect.pair[p, 1]
     positions = state.positions
@@ -495,3 +582,213 @@ def _put_distance_row(s, t, direction, scale, row):
         value = scale * direction[k]
         row[0, k], row[1, k] = (1.0 - s) * value, s * value
         row[2, k], row[3, k] = -(1.0 - t) * value, -t * value
+
+
+@kernel
+def put_friction_rows(effect, system, state, p, rows, weights):
+    """Fill what friction of pair p adds to second derivatives, as weights (2,) times row row^T.
+
+    Returns how many rows (2, N, 3), by the strains, there are. What slides has its limit; that
+    couples turn with the strands is not counted.
+    """
+    if p >= effect.rub_limit.size:
+        return 0
+    limit, spring = effect.rub_limit[p], effect.rub_spring
+    if limit == 0.0 or spring == 0.0:
+        return 0
+    touch = new_touch()
+    size = put_trial(effect, system.lengths, state, p, touch)
+    if size < 0.0:
+        return 0
+    count = 1 if size > limit else 2
+    for q in range(count):
+        weights[q] = spring if count == 2 else spring * limit / size
+        for k in range(3):
+            way = touch.axes[1 + q, k]
+            if count == 1:  # across what it slides
+                way = (touch.trial[0] * touch.axes[2, k]
+                       - touch.trial[1] * touch.axes[1, k]) / size
+            for m in range(4):
+                touch.forces[m, k] = touch.shares[m] * way
+        put_couples(touch)
+        put_load_row(system.lengths, state, touch.nodes, touch.forces, touch.couples, rows[q])
+    return count
+
+
+class Touch(Record):
+    """Two surfaces that touch: four nodes that they move with, and work space."""
+
+    nodes: Ints      # (4,) rising
+    shares: Floats   # (4,) of them: of the second strand they are negative
+    axes: Floats     # (3, 3) normal and two tangents, see `tangents`
+    arms: Floats     # (4, 3) m, from the axis to the surface
+    slip: Floats     # (2,) m, of the first on the second strand, along the tangents
+    trial: Floats    # (2,) N, friction without a limit
+    forces: Floats   # (4, 3) N, and couples, N m
+    couples: Floats
+
+
+@kernel
+def new_touch():
+    """Return an empty Touch."""
+    return Touch(np.empty(4, dtype=np.int64), np.empty(4), np.empty((3, 3)), np.empty((4, 3)),
+                 np.zeros(2), np.zeros(2), np.empty((4, 3)), np.empty((4, 3)))
+
+
+@kernel
+def put_trial(effect, lengths, state, p, touch):
+    """Fill the Touch of pair p; return the size of its friction without a limit, N, or -1: none."""
+    if put_slip(effect, lengths, state, p, effect.rub_places, effect.rub_frames, touch) < 0.0:
+        return -1.0
+    for q in range(2):
+        touch.trial[q] = (effect.rub_force[p, q]
+                          - effect.rub_spring * (effect.rub_slip[p, q] + touch.slip[q]))
+    return np.sqrt(touch.trial[0] ** 2 + touch.trial[1] ** 2)
+
+
+@kernel
+def put_couples(touch):
+    """Fill the couples of forces on the surfaces."""
+    for m in range(4):
+        for k in range(3):
+            a, b = (k + 1) % 3, (k + 2) % 3
+            touch.couples[m, k] = (touch.arms[m, a] * touch.forces[m, b]
+                                   - touch.arms[m, b] * touch.forces[m, a])
+
+
+@kernel
+def tangents(positions: Floats, i: int, s: float, j: int, t: float, out: Floats) -> float:
+    """Fill out (3, 3) with the normal of a pair and two tangents; return its distance, m.
+
+    The normal is from strand j to i, the first tangent as nearly along strand i as can be.
+    """
+    square = along = 0.0
+    for k in range(3):
+        u = positions[i + 1, k] - positions[i, k]
+        out[1, k] = u
+        out[0, k] = (positions[i, k] + s * u - positions[j, k]
+                     - t * (positions[j + 1, k] - positions[j, k]))
+        square += out[0, k] ** 2
+        along += out[0, k] * u
+    width, size = np.sqrt(square), 0.0
+    for k in range(3):
+        out[1, k] -= along / square * out[0, k]
+        size += out[1, k] ** 2
+    for k in range(3):
+        out[0, k] /= width
+        out[1, k] /= np.sqrt(size)
+    for k in range(3):
+        a, b = (k + 1) % 3, (k + 2) % 3
+        out[2, k] = out[0, a] * out[1, b] - out[0, b] * out[1, a]
+    return width
+
+
+@kernel
+def put_slip(strands, lengths, now, p, places, frames, touch):
+    """Fill by how much the surfaces of pair p have slid along each other since a shape before.
+
+    That is where the two points that touch now were then, seen from the DLO beside them. Returns by
+    how much these were apart along the normal, m; -1 of what is behind a grip.
+
+    Args:
+        now: Configuration
+        places, frames: (N + 1, 3), (N + 1, 3, 3) of the nodes then, m
+        touch: Touch, which is filled but for forces and couples
+    """
+    i, j = strands.pair[p, 0], strands.pair[p, 1]
+    if i < 0 or j >= lengths.size:
+        return -1.0
+    s, t, distance = nearest_points(lengths, strands.rays, now.positions, i, j)
+    if distance < _TINY * strands.pair_reach[p]:
+        return -1.0
+    tangents(now.positions, i, s, j, t, touch.axes)
+    nodes, shares, arms, away, turned = (touch.nodes, touch.shares, touch.arms, np.zeros(3),
+                                         np.zeros(3))
+    nodes[0], nodes[1], nodes[2], nodes[3] = i, i + 1, j, j + 1
+    shares[0], shares[1], shares[2], shares[3] = 1.0 - s, s, t - 1.0, -t
+    arm = np.empty(3)
+    for m in range(4):
+        node = nodes[m]
+        for k in range(3):
+            arms[m, k] = (-strands.strand_radius[i] if m < 2
+                          else strands.strand_radius[j]) * touch.axes[0, k]
+        _turn(now.rotations[node], frames[node], arms[m], arm)
+        for k in range(3):
+            away[k] += shares[m] * (places[node, k] + arm[k])
+    for m in range(4):
+        _turn(frames[nodes[m]], now.rotations[nodes[m]], away, arm)
+        for k in range(3):
+            turned[k] += 0.5 * abs(shares[m]) * arm[k]
+    apart = touch.slip[0] = touch.slip[1] = 0.0
+    for k in range(3):
+        apart += touch.axes[0, k] * turned[k]
+        for q in range(2):
+            touch.slip[q] -= touch.axes[1 + q, k] * turned[k]
+    return abs(apart)
+
+
+@kernel
+def put_slips(strands: Strands, lengths: Floats, now: Any, places: Floats, frames: Floats,
+              slips: Floats, touched: Floats) -> None:
+    """Fill slips (P, 2) of all pairs since a shape before, m, as `put_slip`.
+
+    And whether they touched there then, touched (P,): 1; less of what nearly did, 0 of what was
+    apart, which has come to touch at the end of the step.
+    """
+    touch = new_touch()
+    for p in range(strands.pair.shape[0]):
+        apart = put_slip(strands, lengths, now, p, places, frames, touch)
+        if apart < 0.0:
+            slips[p, 0] = slips[p, 1] = touched[p] = 0.0
+            continue
+        slips[p, 0], slips[p, 1] = touch.slip[0], touch.slip[1]
+        # (of the force, a part keeps nearest points in the middle, and does not press)
+        i, j = strands.pair[p, 0], strands.pair[p, 1]
+        s, t, distance = nearest_points(lengths, strands.rays, now.positions, i, j)
+        width = tangents(now.positions, i, s, j, t, touch.axes)
+        touched[p] = (width / distance
+                      * max(0.0, 1.0 - apart / (_TOUCHED * strands.pair_reach[p])))
+
+
+@kernel(forceinline=True)
+def _turn(before, after, vector, out):
+    """Fill out (3,) with a vector (3,) that turns as a frame (3, 3) does."""
+    x = before[0, 0] * vector[0] + before[1, 0] * vector[1] + before[2, 0] * vector[2]
+    y = before[0, 1] * vector[0] + before[1, 1] * vector[1] + before[2, 1] * vector[2]
+    z = before[0, 2] * vector[0] + before[1, 2] * vector[1] + before[2, 2] * vector[2]
+    for k in range(3):
+        out[k] = after[k, 0] * x + after[k, 1] * y + after[k, 2] * z
+
+
+@kernel
+def put_load_row(lengths, state, places, forces, couples, values):
+    """Fill values (N, 3) with the work of forces and couples (4, 3) on nodes, by the strains.
+
+    `places` (4,) are the nodes, rising.
+    """
+    moment, force, last = np.zeros(3), np.zeros(3), 3
+    for r in range(lengths.size):
+        e = lengths.size - 1 - r
+        while last >= 0 and places[last] > e:  # it lies beyond the element
+            x, f = state.positions[places[last]], forces[last]
+            for k in range(3):
+                a, b = (k + 1) % 3, (k + 2) % 3
+                force[k] += f[k]
+                moment[k] += couples[last, k] + x[a] * f[b] - x[b] * f[a]
+            last -= 1
+        if last == 3:
+            for k in range(3):
+                values[e, k] = 0.0
+            continue
+        h, u, x = lengths[e], state.strains[e], state.positions[e + 1]
+        turning, chord = jacobians_with(h * u[0], h * u[1], h * u[2], h,
+                                        coefficients_in(state.arcs[e]))
+        frame = matrix(state.rotations[e])
+        turned, moved = times(frame, turning), times(frame, chord)
+        m0 = moment[0] - x[1] * force[2] + x[2] * force[1]  # about the end of the element
+        m1 = moment[1] - x[2] * force[0] + x[0] * force[2]
+        m2 = moment[2] - x[0] * force[1] + x[1] * force[0]
+        for k in range(3):
+            values[e, k] = h * (turned[k] * m0 + turned[3 + k] * m1 + turned[6 + k] * m2
+                                + moved[k] * force[0] + moved[3 + k] * force[1]
+                                + moved[6 + k] * force[2])

@@ -14,8 +14,14 @@ A Y^T + W^-1 (Haynsworth, 1968).
 import numpy as np
 
 from dlo_planner.energy.potential import project
-from dlo_planner.energy.strands import ROWS, nodes_of, pair_count, put_rows
-from dlo_planner.geometry.so3 import coefficients_in, columns_scaled, jacobians_with, matrix, times
+from dlo_planner.energy.strands import (
+    ACROSS,
+    nodes_of,
+    pair_count,
+    put_friction_rows,
+    put_load_row,
+    put_rows,
+)
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.dense import factorized
 from dlo_planner.minimize.kkt import add_to, dot, dots
@@ -25,7 +31,7 @@ _NONE = 1e-12  # of the largest weight: smaller ones change nothing
 
 
 @kernel
-def fill_coupling(system, state, hessian, coupling):
+def fill_coupling(system, state, coupling):
     """Fill rows and weights of all pairs that bear at `state`."""
     if coupling is None:
         return
@@ -33,8 +39,8 @@ def fill_coupling(system, state, hessian, coupling):
     if pair_count(system.effects.strands) == 0:
         return
     n, used = system.lengths.size, 0
-    forces, weights = np.empty((ROWS, 4, 3)), np.empty(ROWS)
-    values, places = np.empty((n, 3)), np.empty(4, dtype=np.int64)
+    forces, weights, none = np.empty((ACROSS, 4, 3)), np.empty(ACROSS), np.zeros((4, 3))
+    values, places = np.empty((2, n, 3)), np.empty(4, dtype=np.int64)
     strands = system.effects.strands
     for p in range(pair_count(strands)):
         count = put_rows(strands, system, state, p, forces, weights)
@@ -42,43 +48,22 @@ def fill_coupling(system, state, hessian, coupling):
         for row in range(count):
             if abs(weights[row]) <= _NONE * abs(weights[0]):
                 continue
-            _put_row(system, state, hessian, places, forces[row], values)
-            project(system.basis, values, coupling.rows[used])
-            coupling.weights[used] = weights[row]
-            used += 1
+            put_load_row(system.lengths, state, places, forces[row], none, values[0])
+            used = _with_row(system, coupling, used, values[0], weights[row])
+        for row in range(put_friction_rows(strands, system, state, p, values, weights)):
+            used = _with_row(system, coupling, used, values[row], weights[row])
     coupling.used[0] = used
 
 
 @kernel
-def _put_row(system, state, hessian, places, forces, values):
-    """Fill values (N, 3): what forces (4, 3) on nodes `places` (4,), rising, are by the strains."""
-    moment, force, last = np.zeros(3), np.zeros(3), 3
-    for r in range(system.lengths.size):
-        e = system.lengths.size - 1 - r
-        while last >= 0 and places[last] > e:  # it lies beyond the element
-            x, f = state.positions[places[last]], forces[last]
-            for k in range(3):
-                a, b = (k + 1) % 3, (k + 2) % 3
-                force[k] += f[k]
-                moment[k] += x[a] * f[b] - x[b] * f[a]
-            last -= 1
-        if last == 3:
-            for k in range(3):
-                values[e, k] = 0.0
-            continue
-        h, u, x, scale = (system.lengths[e], state.strains[e], state.positions[e + 1],
-                          system.scale[e])
-        _, chord = jacobians_with(h * u[0], h * u[1], h * u[2], h, coefficients_in(state.arcs[e]))
-        moved = columns_scaled(times(matrix(state.rotations[e]), chord), h * scale[0],
-                               h * scale[1], h * scale[2])
-        turned = matrix(hessian.twist_jacobian[e])
-        m0 = moment[0] - x[1] * force[2] + x[2] * force[1]  # about the end of the element
-        m1 = moment[1] - x[2] * force[0] + x[0] * force[2]
-        m2 = moment[2] - x[0] * force[1] + x[1] * force[0]
+def _with_row(system, coupling, used, values, weight):
+    """Write a row by the strains, (N, 3), and its weight; return how many rows there are then."""
+    for e in range(values.shape[0]):
         for k in range(3):
-            values[e, k] = (turned[k] * m0 + turned[3 + k] * m1 + turned[6 + k] * m2
-                            + moved[k] * force[0] + moved[3 + k] * force[1]
-                            + moved[6 + k] * force[2])
+            values[e, k] *= system.scale[e, k]
+    project(system.basis, values, coupling.rows[used])
+    coupling.weights[used] = weight
+    return used + 1
 
 
 @kernel

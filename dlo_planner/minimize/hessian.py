@@ -92,7 +92,7 @@ def assemble(system, state, hessian):
     if system.basis.shape[1] > 0:
         project_all(system.basis, hessian)
     fill_border(system, state, hessian, hessian.border)
-    fill_coupling(system, state, hessian, hessian.coupling)
+    fill_coupling(system, state, hessian.coupling)
     if system.basis.shape[1] > 0:
         if system.proximal_point.shape[0]:
             for i in range(hessian.dense.shape[0]):

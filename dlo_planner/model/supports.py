@@ -87,6 +87,7 @@ class Surroundings(Value):
     point_loads: tuple[AnyLoad, ...] = ()
     grip: str = 'clamped'  # one of GRIPPERS: how the gripper holds the DLO's beginning
     self_contact: bool = False  # whether strands of the DLO keep each other off
+    self_friction: float = 0.0  # coefficient of friction between strands
 
     def __post_init__(self) -> None:
         instance('rod', self.rod, Rod)
@@ -106,6 +107,10 @@ class Surroundings(Value):
         if self.load is not None and not callable(self.load):
             put(self, load=vector('load', self.load, 3))
         flag('self_contact', self.self_contact)
+        put(self, self_friction=number('self_friction', self.self_friction, minimum=0))
+        if self.self_friction > 0.0 and not self.self_contact:
+            raise InvalidTask(f'self_friction = {self.self_friction:g}: expected 0 without '
+                              'self_contact')
         if self.self_contact:
             self._judge_self_contact()
         hollow = next((one for one in self.obstacles if isinstance(one, Sheet | Mesh)), None)

@@ -23,7 +23,7 @@ _FIGURES = ('energy', 'elastic_energy', 'dissipated', 'residual', 'stability', '
 _FLAGS = ('converged', 'jumped')
 Columns = dict[str, NDArray[Any]]  # arrays of some shapes, by the names of `Shapes`
 _CONTACT = 14  # columns: which shape, and the 13 numbers of a Contact
-_SELF_CONTACT = 11  # the same of a SelfContact
+_SELF_CONTACT = 14  # the same of a SelfContact
 TABLES = {'contact_table': _CONTACT, 'self_contact_table': _SELF_CONTACT}
 _EACH = 'one for each of Shapes.grippers,'
 
@@ -62,9 +62,9 @@ class Shapes(Answer):
     contact_table : ndarray, shape (m, 14)
         All contacts by shape and s: index of the shape, then obstacle, s, position, normal, force,
         friction, penetration as in `Contact`.
-    self_contact_table : ndarray, shape (m, 11)
+    self_contact_table : ndarray, shape (m, 14)
         Where DLOs touch themselves, likewise: index of the shape, then s, other_s, position,
-        normal, force, penetration as in `SelfContact`.
+        normal, force, friction, penetration as in `SelfContact`.
     holds : tuple
         The A Holds beside the gripper, the same of all shapes.
     wrenches : ndarray, shape (n, A, 6)
@@ -276,8 +276,8 @@ def columns(shapes: Sequence[Shape], s: Floats) -> Columns:
                          else np.zeros((0, 0, 6))),
             'contact_table': np.array(table, dtype=float).reshape(-1, _CONTACT),
             'self_contact_table': np.array(
-                [[k, c.s, c.other_s, *c.position, *c.normal, c.force, c.penetration]
-                 for k, shape in enumerate(shapes) for c in shape.self_contacts],
+                [[k, c.s, c.other_s, *c.position, *c.normal, c.force, *c.friction,
+                  c.penetration] for k, shape in enumerate(shapes) for c in shape.self_contacts],
                 dtype=float).reshape(-1, _SELF_CONTACT)}
 
 
@@ -304,7 +304,7 @@ def _contact(line: Floats) -> Contact:
 
 
 def _self_contact(line: Floats) -> SelfContact:
-    return SelfContact(line[1], line[2], line[3:6], line[6:9], line[9], line[10])
+    return SelfContact(line[1], line[2], line[3:6], line[6:9], line[9], line[10:13], line[13])
 
 
 def _nodes(value: Any, n: int) -> Floats:

@@ -288,6 +288,104 @@ def test_a_motion_that_winds_itself_up_gains_no_energy(wound_up):
     assert motion.numerical_loss[-1] < 0.1 * moved
 
 
+FRICTION = 0.3
+
+
+@pytest.fixture(scope='module')
+def opened():
+    """Return shapes of a rod that touches itself, drawn out and let in again, with friction."""
+    rough, found = simulator(self_contact=True, self_friction=FRICTION), wound(
+        simulator(self_contact=True))[-1:]
+    for x in (*np.arange(0.4525, 0.4651, 0.0025), *np.arange(0.4625, 0.4524, -0.0025)):
+        found.append(rough.solve(GRIPPER, found[-1], far_end=far(LAST, x)))
+    return found
+
+
+def test_friction_holds_a_loop_that_opens_and_closes(opened, shapes):
+    smooth, last = simulator(self_contact=True), shapes[-1]
+    stiffness, slides = np.array([0.8 * EI, EI, EI]), 0
+    last = smooth.solve(GRIPPER, last, far_end=far(LAST, 0.4575))
+    # as it is drawn out it pulls harder than without friction, as it is let in less
+    for shape, sign in ((opened[3], 1.0), (opened[9], -1.0)):
+        assert shape.far_end.pose.position[0] == pytest.approx(0.4575)
+        assert sign * (shape.far_wrench[0] - last.far_wrench[0]) > 0.05
+    for shape in opened[1:]:
+        assert shape.converged
+        assert shape.passed_itself is False
+        for one in shape.self_contacts:
+            size = np.linalg.norm(one.friction)
+            assert size <= FRICTION * one.force * (1 + 1e-6)
+            assert abs(one.friction @ one.normal) < 1e-9
+            slides += size > 0.99 * FRICTION * one.force
+        total = shape.gripper_wrench + shape.far_wrench
+        total[3:] += np.cross(shape.positions[-1] - shape.positions[0], shape.far_wrench[:3])
+        assert np.abs(total[:3]).max() < 1e-9
+        assert np.abs(total[3:]).max() < 1e-4 * np.abs(shape.far_wrench[3:]).max()
+        # moments of the balance, with the couples of friction, against those of the strains
+        inside = shape.section_forces
+        assert inside.imbalance < 1e-8
+        moments = inside.at_nodes(shape.s)[1]
+        wanted = shape.element_strains * stiffness
+        assert (np.abs(0.5 * (moments[1:] + moments[:-1]) - wanted).max()
+                < 0.05 * np.abs(wanted).max())
+    assert slides > 5
+
+
+def surface(shape, s, way):
+    """Return where a point `way` beside the axis at s is, and the frame of the DLO there."""
+    e = int(np.clip(np.searchsorted(shape.s, s, side='right') - 1, 0, shape.s.size - 2))
+    part = (s - shape.s[e]) / (shape.s[e + 1] - shape.s[e])
+    chord = shape.positions[e] + part * (shape.positions[e + 1] - shape.positions[e])
+    return chord + way, shape.frames[e]
+
+
+def test_friction_is_against_the_way_that_surfaces_have_slid(opened):
+    seen = 0
+    for before, after in zip(opened[1:], opened[2:], strict=False):
+        for one in after.self_contacts:
+            away, turns = np.zeros(3), []
+            for s, sign in ((one.s, -1.0), (one.other_s, 1.0)):
+                _, now = surface(after, s, 0.0)
+                _, then = surface(before, s, 0.0)
+                there, _ = surface(before, s, then @ now.T @ (sign * RADIUS * one.normal))
+                away -= sign * there
+                turns.append(now @ then.T)
+            slip = -0.5 * (turns[0] + turns[1]) @ away
+            slip -= one.normal * (one.normal @ slip)
+            limit = 0.999 * FRICTION * one.force
+            if np.linalg.norm(slip) > 5e-4 and np.linalg.norm(one.friction) > limit:
+                seen += 1
+                along = -slip @ one.friction / np.linalg.norm(slip) / np.linalg.norm(one.friction)
+                assert along > 0.9
+    assert seen >= 3
+
+
+def test_friction_goes_along_in_files_and_in_shapes(opened, tmp_path):
+    last = opened[-1]
+    assert any(one.friction.any() for one in last.self_contacts)
+    last.save(tmp_path / 'loop.npz')
+    known = Shape.load(tmp_path / 'loop.npz')
+    assert known.self_contacts == last.self_contacts
+    assert known.history == last.history
+    np.testing.assert_array_equal(known.history.frames, last.frames)
+
+
+def test_motions_with_friction_between_strands_are_refused(opened):
+    with pytest.raises(InvalidTask, match=r'self_friction = 0\.3: expected 0 where motions'):
+        simulator(self_contact=True, self_friction=FRICTION).simulate(
+            [GRIPPER] * 3, 0.01, initial=opened[-1], far_ends=[far(LAST, 0.4525)] * 3)
+
+
+@pytest.mark.parametrize(('more', 'message'), [
+    ({'self_friction': 0.3}, 'self_friction = 0.3: expected 0 without self_contact'),
+    ({'self_contact': True, 'self_friction': -0.1}, 'self_friction = -0.1'),
+    ({'self_contact': True, 'self_friction': np.nan}, 'self_friction = nan'),
+])
+def test_a_coefficient_that_makes_no_sense_is_refused(more, message):
+    with pytest.raises(InvalidTask, match=message):
+        simulator(**more)
+
+
 def test_it_needs_a_radius():
     bare = Rod(length=1.0, mass_per_length=0.1, bending_stiffness=1.0, torsional_stiffness=1.0)
     with pytest.raises(InvalidTask, match=r'Rod\.radius = None'):

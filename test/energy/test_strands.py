@@ -5,11 +5,21 @@
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretization import Discretization, even_mesh
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
-from dlo_planner.energy.strands import NO_RAYS, SOFT, Strands, near_pairs, nearest_points
+from dlo_planner.energy.strands import (
+    NO_RAYS,
+    SOFT,
+    near_pairs,
+    nearest_points,
+    put_friction,
+    put_slips,
+    smooth_strands,
+    tangents,
+)
 from dlo_planner.geometry.self_distance import self_distance
 from dlo_planner.minimize.hessian import assemble, factorize, new_hessian, solve
 from dlo_planner.model.rod import Rod
@@ -28,7 +38,7 @@ def coil(request):
     # the last two: what goes straight on behind both ends
     pairs = np.array([[0, 8], [1, 9], [2, 10], [2, 9], [-1, 7], [4, N]])
     rays = np.array([[0.6, 0.1, 0.0], [-0.5, 0.5, 0.3]])
-    system = mesh.full._replace(strands=Strands(
+    system = mesh.full._replace(strands=smooth_strands(
         pairs, np.array([0.3, 0.0, 0.1, 0.2, 0.3, 0.2]), np.full(6, 0.25), mesh.radii, rays, 4.0))
     q = mesh.unknowns(mesh.natural + np.random.default_rng(3).normal(scale=0.2, size=(N, 3)))
     return system, q
@@ -76,6 +86,105 @@ def test_solutions_and_inertia_against_a_dense_matrix(coil):
         solve(system, hessian, right, out)
         left = (matrix + shift * np.eye(len(matrix))) @ out.ravel()
         np.testing.assert_allclose(left, right.ravel(), atol=2e-6 * np.abs(out).max())
+
+
+@pytest.fixture
+def rubbing(coil):
+    """Return the coil with friction, which counts from the shape of the same unknowns."""
+    system, q = coil
+    _, state = at(system, q)
+    rng, strands, radii = np.random.default_rng(5), system.effects.strands, np.full(N, RADIUS)
+    for i, j in strands.pair[:3]:  # their surfaces touch
+        s, t, _ = nearest_points(system.lengths, strands.rays, state.positions, i, j)
+        radii[[i, j]] = 0.5 * tangents(state.positions, i, s, j, t, np.empty((3, 3)))
+    strands = strands._replace(
+        strand_radius=radii, rub_force=rng.normal(scale=0.1, size=(6, 2)), rub_limit=np.array(
+            [0.05, 1.0, 0.02, 0.0, 1.0, 1.0]), rub_slip=rng.normal(scale=1e-3, size=(6, 2)),
+        rub_places=state.positions.copy(), rub_frames=state.rotations.copy(), rub_spring=50.0)
+    return system._replace(strands=strands), q
+
+
+def test_friction_is_the_slope_of_its_potential_where_it_counts_from(rubbing, coil):
+    system, q = rubbing
+    _, state = at(system, q)
+    bare = at(coil[0], q)[1].gradient
+    assert np.abs(state.gradient - bare).max() > 1e-3
+    for index in np.ndindex(q.shape):
+        change = np.zeros_like(q)
+        change[index] = 1e-6
+        slope = (at(system, q + change)[0] - at(system, q - change)[0]) / 2e-6
+        assert state.gradient[index] == pytest.approx(slope, abs=1e-8)
+
+
+def test_second_derivatives_of_friction_are_those_of_what_slides_and_what_sticks(rubbing, coil):
+    # but for its couples, which turn with the strands: there are none of springs without forces
+    (system, q), pairs = rubbing, coil[0].effects.strands
+    system = system._replace(strands=system.effects.strands._replace(
+        pair_force=np.zeros(6), pair_reach=np.zeros(6), rub_force=np.zeros((6, 2)),
+        rub_slip=np.zeros((6, 2)), rub_limit=np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])))
+    bare = coil[0]._replace(strands=pairs._replace(pair_force=np.zeros(6), pair_reach=np.zeros(6)))
+    _, state = at(system, q)
+    hessian = new_hessian(system)
+    assemble(system, state, hessian)
+    rows = hessian.coupling.rows[:hessian.coupling.used[0]].reshape(-1, q.size)
+    assert len(rows) == 6  # two of each pair that no grip stands behind, and that may rub
+    added = rows.T @ (hessian.coupling.weights[:len(rows), None] * rows)
+    wanted = matrix_of(system, q) - matrix_of(bare, q)
+    np.testing.assert_allclose(added, wanted, atol=1e-5 * np.abs(wanted).max())
+
+
+def test_friction_of_what_slides_is_at_its_limit_and_of_what_sticks_below(rubbing):
+    system, q = rubbing
+    _, state = at(system, q)
+    strands, friction = system.effects.strands, np.zeros((6, 2))
+    put_friction(strands, system.lengths, state, friction)
+    trial = strands.rub_force - 50.0 * strands.rub_slip
+    size = np.linalg.norm(trial, axis=1)
+    wanted = trial * np.minimum(1.0, strands.rub_limit / size)[:, None]
+    np.testing.assert_allclose(friction[:4], wanted[:4], atol=1e-12)
+    assert size[1] < 1.0  # one sticks
+    assert size[0] > strands.rub_limit[0]  # one slides
+    assert not friction[4:].any()  # what is behind a grip does not rub
+
+
+def test_slip_is_none_of_a_rigid_motion_and_as_far_as_a_strand_goes_along(coil):
+    system, q = coil
+    _, state = at(system, q)
+    turn = Rotation.from_rotvec([0.4, -0.9, 1.3]).as_matrix()
+    slips, touched = np.ones((6, 2)), np.ones(6)
+    put_slips(system.effects.strands, system.lengths, state, state.positions @ turn.T + 3.0,
+              turn @ state.rotations, slips, touched)
+    np.testing.assert_allclose(slips, 0.0, atol=1e-15)
+    # both strands of a pair were elsewhere: the first by as much along itself
+    way, before = 1e-3, state.positions.copy()
+    along = (before[1] - before[0]) / np.linalg.norm(before[1] - before[0])
+    before[:2] -= way * along
+    put_slips(system.effects.strands, system.lengths, state, before, state.rotations.copy(), slips,
+              touched)
+    assert np.linalg.norm(slips[0]) == pytest.approx(way, rel=0.05)
+    assert slips[0, 0] > 0.9 * way
+    np.testing.assert_allclose(slips[3:], 0.0, atol=1e-15)
+
+
+def test_what_was_apart_has_not_rubbed_yet(rubbing):
+    system, q = rubbing
+    _, state = at(system, q)
+    strands, slips, touched = system.effects.strands, np.ones((6, 2)), np.ones(6)
+
+    def seen(away):
+        before = state.positions.copy()
+        s, t, _ = nearest_points(system.lengths, strands.rays, before, 0, 8)
+        axes = np.empty((3, 3))
+        tangents(before, 0, s, 8, t, axes)
+        before[:2] += away * axes[0]
+        put_slips(strands, system.lengths, state, before, state.rotations.copy(), slips, touched)
+        return touched[0]
+
+    reach = strands.pair_reach[0]
+    assert seen(0.0) == pytest.approx(1.0, rel=1e-2)  # what presses; see SOFT
+    assert 0.0 < seen(0.05 * reach) < 0.6
+    assert seen(0.11 * reach) == 0.0
+    assert not touched[4:].any()
 
 
 def test_nearest_points_of_chords_against_scipy():
