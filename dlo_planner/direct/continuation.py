@@ -85,9 +85,7 @@ def follow(solve: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = ()
 def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
               halvings: int | None, tried: Shape | None = None) -> Shape:
     """Return what `follow` does."""
-    last, most, shape, failed = halvings == 0, np.inf, None, False
-    half: Shape | None = None
-    end: Shape | None = None
+    last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
     if goal.holds and have_rings(goal.holds):
         goal = goal._replace(holds=carried_on(goal.holds, previous.holds))
     way = _way(previous, goal)
@@ -95,7 +93,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
              and way.size > 2.0 * _SHORTEST_LYING and not _is_long(way, True, at_once))
     if lying:
         even, half, end = _evenly(solve, previous, goal)
-        if even and end is not None and not _comes_off(previous, end):
+        if even and not _comes_off(previous, end):
             shape = _led(previous, end)
             if shape.passed_itself is False:
                 return shape
@@ -127,8 +125,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
               and not _is_long(way, touches, at_once)
               and not (way.size > _OFF and _comes_off(previous, shape))):
             agree, half, end = _by_halves(solve, previous, goal, shape)
-            # (the longer a step, the more friction depends on its parts)
-            if agree and end is not None:
+            if agree:  # (the longer a step, the more friction depends on its parts)
                 shape = _led(previous, shape if good else end)
                 if way.size <= _OFF or shape.passed_itself is False:
                     return shape
@@ -149,8 +146,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
         if (not whole and middle.jumped and left >= _AFTER and middle.state.culled
                 and not goal.holds):
             return middle  # what is left of the way is for the step that all of it began with
-        rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left,
-                         end if middle is half else None)
+        rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
         if not rest.converged and (whole and lying if shape is None else
                                    whole or shape.converged):
             # the whole step may have an end, which its parts do not reach
@@ -184,7 +180,7 @@ def _either(one: Shape, other: Shape) -> bool | float:
                 next((passed for passed in both if passed is not False), False))
 
 
-def _evenly(solve: Equilibrium, previous: Shape, goal: Grips) -> tuple[bool, Shape, Shape | None]:
+def _evenly(solve: Equilibrium, previous: Shape, goal: Grips) -> tuple[bool, Shape, Shape]:
     """Return whether two half steps change a DLO that lies about as much; the Shapes after them.
 
     What is discontinuous is so in one of them. Its friction depends on how long steps are, and
@@ -194,16 +190,16 @@ def _evenly(solve: Equilibrium, previous: Shape, goal: Grips) -> tuple[bool, Sha
     most = _most_in_contact(_way(previous, there))
     first = solve(there.gripper, previous, there.holds, most)
     if not _keeps_energy(previous, first):
-        return False, first, None
+        return False, first, first
     end = solve(goal.gripper, first, goal.holds, most)
     if not _keeps_energy(first, end):
-        return False, first, end
+        return False, first, first
     change = max(shape_change(previous, first), shape_change(first, end))
     return (change <= max(_DISCONTINUITY_OFF, _EVENLY * shape_change(previous, end)), first, end)
 
 
 def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
-               shape: Shape) -> tuple[bool, Shape, Shape | None]:
+               shape: Shape) -> tuple[bool, Shape, Shape]:
     """Return whether two half steps lead to `shape` as well; and the Shapes after these.
 
     They do not where one of them alone changes as much as both: a discontinuity is one in any step.
@@ -214,7 +210,7 @@ def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
     follows = _keeps_energy if in_contact else sound
     first = solve(there.gripper, previous, there.holds, most)
     if not follows(previous, first, _way(previous, there)):
-        return False, first, None
+        return False, first, first
     end = solve(goal.gripper, first, goal.holds, most)
     agree = (follows(first, end, _way(first, goal)) and not _changes(shape, end)
              and shape_change(shape, end) <= _SAME)

@@ -360,13 +360,13 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
                              and _bearing(firm.effects.contact.contacts) < _ROLLING):
                 # points that bear inside elements are where they are nearest, exactly
                 near = firm if rests else with_bearing(there, q, given, rests)
-                found = reaction_of(hold, row_count(system.needs.border))
+                borne = reaction_of(hold, row_count(system.needs.border))
                 rolls, its, its_residual, its_stability, moves, loaded, inside = _at_once(
                     near, state.q, rests, tolerance, exact, check, previous)
                 steps += moves
                 if rolls:
                     return True, its, its_residual, its_stability, steps, kicks, loaded, inside
-                set_reaction(hold, found)
+                set_reaction(hold, borne)
             if rests:
                 return (True, state, residual, stability if check else np.inf, steps, kicks, firm,
                         violation)

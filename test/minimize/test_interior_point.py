@@ -357,9 +357,10 @@ def test_what_goes_along_in_balance_is_not_at_rest():
     *_, q, system = moved_from(shape, goal)
     past = shape.state.history
     before = np.hstack([past.positions - goal.position, past.tangents])
-    assert settle(system, q, before, 1e-5, 0, np.inf, np.zeros(2))[3] < 1e-5
-    _, _, steps, residual, _ = settle(system, q, before, 1e-5, 250, np.inf, np.zeros(2))
-    assert steps > 0 and residual < 1e-5
+    # (points inside an element that share a force are chosen anew, which takes them from balance)
+    assert settle(system, q, before, 2e-3, 0, np.inf, np.zeros(2))[3] < 2e-3
+    _, _, steps, residual, _ = settle(system, q, before, 2e-3, 250, np.inf, np.zeros(2))
+    assert steps > 0 and residual < 2e-3
 
 
 def test_what_falls_is_followed_as_far_as_is_asked():
