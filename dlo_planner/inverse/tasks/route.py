@@ -705,15 +705,16 @@ class _Routing:
             left = aside - beside
             by = min(swing, angle + _STEEPEST)
             tries = [(angle - by, beside, pull), (angle, beside, _STRONGER * pull)]
-            if left:
-                tries = [(angle, aside - float(np.sign(left)) * max(0.0, abs(left) - _SWING), pull)]
+            if left:  # what is bowed would come down on what stands ahead: it rises then
+                there = aside - float(np.sign(left)) * max(0.0, abs(left) - _SWING)
+                tries = [(angle + rise, there, pull) for rise in (0.0, 0.5 * _SWING, _SWING)]
             elif by < _LEAST_SWING:
                 del tries[0]
             for lower, side, wanted in tries:
-                if (there := pressed(lower, side, wanted)) is not None:
-                    if (lower, side, there[1]) != (angle, beside, slack):  # else it pulls enough
-                        found.append(there[0])
-                    angle, beside, pull, slack = lower, side, wanted, there[1]
+                if (new := pressed(lower, side, wanted)) is not None:
+                    if (lower, side, new[1]) != (angle, beside, slack):  # else it pulls enough
+                        found.append(new[0])
+                    angle, beside, pull, slack = lower, side, wanted, new[1]
                     break
                 if lower < angle:
                     swing *= 0.5  # something is in the way, or it would lift off
