@@ -55,10 +55,10 @@ _SHALLOW, _GROWTH, _LEAST = 0.9, 1.2, 0.02
 _WATCHED = 0.5     # of the larger radius: pairs as near as that beyond both radii are looked at
 _FALLEN = 1.5      # rad: what bends or twists by more in a step, in all, may have fallen
 _EXACT = 1e-7      # of the length: depths aimed at
-# Springs of friction are at first as stiff as this part of those between strands, and become so
-# many times as stiff in each round, until they are alike: what slides by far more than stiff
-# springs give goes to and fro
-_SOFT, _FIRMER = 1e-3, 10.0
+# Of the radius: by how much springs of friction give at most before it slides, if they are not as
+# stiff as those between strands anyway. They are at first as stiff as the second part of that, and
+# become so many times as stiff in each round: what slides far on stiff springs goes to and fro
+_GIVES, _SOFT, _FIRMER = 0.01, 1e-3, 10.0
 _PATIENCE = 10     # rounds with friction that hardly move anything: its limits follow in each
 _CONE = 1e-6       # of the largest force between strands: by how much friction may be off
 
@@ -204,11 +204,12 @@ def _rubbing(mesh: Discretization, memory: Memory, system: Problem, strains: Flo
                       memory.strands[:, 3:5].tolist(), strict=True))
     pairs = [tuple(pair) for pair in strands.pair.tolist()]
     now, slips, limits = _slips(mesh, memory, system, strains, strands)
+    limits = limits * [bears.get(pair, 0.0) for pair in pairs]
+    spring = max(mesh.pair_spring, float(limits.max(initial=0.0) / (_GIVES * mesh.radii.min())))
     return strands._replace(
         rub_force=np.array([before.get(pair, (0.0, 0.0)) for pair in pairs]).reshape(-1, 2),
-        rub_limit=limits * [bears.get(pair, 0.0) for pair in pairs], rub_slip=slips,
-        rub_places=now.positions, rub_frames=now.rotations,
-        rub_spring=part * mesh.pair_spring if len(memory.frames) else 0.0)
+        rub_limit=limits, rub_slip=slips, rub_places=now.positions, rub_frames=now.rotations,
+        rub_spring=part * spring if len(memory.frames) else 0.0)
 
 
 def _slips(mesh: Discretization, memory: Memory, system: Problem, strains: Floats,

@@ -331,6 +331,18 @@ def test_friction_holds_a_loop_that_opens_and_closes(opened, shapes):
     assert slides > 5
 
 
+def test_what_the_grips_lose_is_the_work_of_friction(opened):
+    # (steps as small as no step is made in parts, of which the last one alone is told)
+    rough, shape = simulator(self_contact=True, self_friction=FRICTION), opened[3]
+    work = rubbed = 0.0
+    for x in 0.4575 + 3.125e-4 * np.arange(1, 9):
+        before, shape = shape, rough.solve(GRIPPER, shape, far_end=far(LAST, x))
+        work += 1.5625e-4 * (before.far_wrench[0] + shape.far_wrench[0])
+        rubbed += shape.history.friction_work
+    assert rubbed > 5e-4
+    assert work - (shape.energy - opened[3].energy) == pytest.approx(rubbed, rel=0.01)
+
+
 def surface(shape, s, way):
     """Return where a point `way` beside the axis at s is, and the frame of the DLO there."""
     e = int(np.clip(np.searchsorted(shape.s, s, side='right') - 1, 0, shape.s.size - 2))
