@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation, Slerp
 
 from dlo_planner.energy.contact import Contact, ContactSet
 from dlo_planner.energy.grip import HoldRows, no_holds
@@ -256,6 +255,7 @@ def _frames_at(old: Floats, frames: Floats, s: Floats) -> Floats:
     """Return frames (n + 1, 3, 3) at the nodes `s` of those on nodes `old`; none of none."""
     if not len(frames):
         return frames
+    from scipy.spatial.transform import Rotation, Slerp  # noqa: PLC0415  (few DLOs need it)
     turning = Slerp(old, Rotation.from_matrix(frames))
     turned: Floats = turning(np.clip(s, old[0], old[-1])).as_matrix()
     return turned

@@ -346,7 +346,7 @@ _KNOWN = 1.5      # factor within which people know the noise of their points: w
 _LARGEST = 0.01   # of the length: noise that is found and can be one, but
 _TRACKERS = (0.005, 0.03)  # m: trackers may be so bad with a short DLO, and are not worse
 _CHECKS = ('check the axes (x, y, z, not swapped), the unit (m), the frame (world, z up), the pose '
-           'of the gripper, and what else holds it')
+           'of the gripper, and what holds the far end')
 
 
 def _unexplained(statistics: Statistics, length: float, noise: float | None,

@@ -95,6 +95,9 @@ _MANY, _TRIES = 4, 2
 # With fewer points that bear all are moved to where they are nearest, exactly; more share their
 # forces so that this finds nothing in half of the cases, and takes the time of their square
 _ROLLING = 12
+# rad and of the length: a motion of the gripper with which, of a hundred points a hundredth of the
+# length apart, about one comes to bear; what sticks goes back exactly with it
+_LITTLE = 1e-4
 _KEPT, _KEPT_WELL = 9e-7, 2e-8  # of the length: violation there, and where no more is tried
 # How often limits of friction are set to those of the forces, and a relative change that is none
 _CYCLES, _SAME_LIMIT = 4, 1e-6
@@ -465,10 +468,12 @@ def _free(system, q, tolerance, exact, max_iterations, check):
 @kernel
 def predictor_corrector(system, base, slid, strains, shift, tolerance, exact, previous):
     """Return whether a DLO that bears goes on bearing, and what `solve_contact` does."""
-    twist, follows = np.empty(6), _bearing(system.effects.contact.contacts) < _ROLLING
+    twist = np.empty(6)
+    put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), twist)
+    twist[3:] = shift
+    moved = np.sqrt(np.sum(twist[:3] ** 2)) + np.sqrt(np.sum(shift**2)) / np.sum(system.lengths)
+    follows = moved < _LITTLE or _bearing(system.effects.contact.contacts) < _ROLLING
     if follows:  # (of more points some nearly always change, and all are exchanged one by one)
-        put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), twist)
-        twist[3:] = shift
         follows, q, system = tangent_predictor(system, base, slid, strains, twist)
     if follows:
         goes_on, state, residual, stability, steps, system, violation = _at_once(
