@@ -57,7 +57,9 @@ _DEEPEST = 0.9    # of the reach: strands that a step leaves nearer are not know
 _DEEP = 0.96       # the same: strands that are nearer are pushed out before anything else
 _MANY = 256        # pairs in each other that are looked at: what has more is no shape yet
 _RIGHT = 0.5 * np.pi
-_TINY = 1e-12      # of the reach: chords that are nearer have no normal, and no force
+# of the reach: chords that are nearer have no normal, and no force; and of the square of a chord:
+# what of it is not along the normal tells no direction
+_TINY = 1e-12
 
 
 class Strands(Record):
@@ -662,9 +664,10 @@ def tangents(positions: Floats, i: int, s: float, j: int, t: float, out: Floats)
 
     The normal is from strand j to i, the first tangent as nearly along strand i as can be.
     """
-    square = along = 0.0
+    square = along = chord = 0.0
     for k in range(3):
         u = positions[i + 1, k] - positions[i, k]
+        chord += u * u
         out[1, k] = u
         out[0, k] = (positions[i, k] + s * u - positions[j, k]
                      - t * (positions[j + 1, k] - positions[j, k]))
@@ -676,6 +679,16 @@ def tangents(positions: Floats, i: int, s: float, j: int, t: float, out: Floats)
         size += out[1, k] ** 2
     for k in range(3):
         out[0, k] /= width
+    if not size > _TINY * chord:  # it is along the normal there: any direction is as good
+        least = 0
+        for k in range(1, 3):
+            if abs(out[0, k]) < abs(out[0, least]):
+                least = k
+        size = 0.0
+        for k in range(3):
+            out[1, k] = (1.0 if k == least else 0.0) - out[0, least] * out[0, k]
+            size += out[1, k] ** 2
+    for k in range(3):
         out[1, k] /= np.sqrt(size)
     for k in range(3):
         a, b = (k + 1) % 3, (k + 2) % 3

@@ -166,6 +166,15 @@ def test_slip_is_none_of_a_rigid_motion_and_as_far_as_a_strand_goes_along(coil):
     np.testing.assert_allclose(slips[3:], 0.0, atol=1e-15)
 
 
+@pytest.mark.parametrize('way', np.eye(3))
+def test_what_ends_square_on_a_strand_has_tangents_too(way):
+    other = np.roll(way, 1)
+    positions, axes = np.array([2 * way, way, -other, other]), np.empty((3, 3))
+    assert tangents(positions, 0, 1.0, 2, 0.5, axes) == pytest.approx(1.0)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(axes[0], way, atol=1e-15)
+
+
 def test_what_was_apart_has_not_rubbed_yet(rubbing):
     system, q = rubbing
     _, state = at(system, q)
