@@ -20,6 +20,7 @@ so E is a smooth function of s, of which D is the exact slope, errors of the mes
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -644,20 +645,22 @@ def _estimated(shape: Shape, holds: Holds, first: Discretization, matrix: Floats
     return float(4 / 3 * np.linalg.norm(away, axis=1).max() + 1e-15 * shape.s.size * shape.s[-1])
 
 
-def answer_at(shape: Shape, s: float) -> Floats:
-    """Return (6, 6) as `Sensitivity.at`, of a Shape that may slide through rings, too.
+def answers_at(shape: Shape, places: Sequence[float]) -> Floats:
+    """Return (k, 6, 6 + 6 A) `Sensitivity.by_grips` at k places, m; the Shape may slide in rings.
 
-    How the gripper changes what holds a ring's place back is how the place changes the gripper's
-    wrench: both are one second derivative of the energy.
+    How a grip changes what holds a ring's place back is how the place changes the grip's wrench:
+    both are one second derivative of the energy.
     """
     stuck = changed(shape, holds=_stuck(shape.holds), state=changed(shape.state, feed=None))
-    answer, feed = Sensitivity(stuck).at(s), shape.state.feed
+    sensitivity, feed = Sensitivity(stuck), shape.state.feed
+    answers = np.array([sensitivity.by_grips(s) for s in places])
     if feed is None or not any(feed.slides):
-        return answer
+        return answers
     index = [k for k, hold in enumerate(shape.holds) if hold.is_ring]
     slides, length = np.flatnonzero(feed.slides), float(shape.s[-1])
-    frame, place = stuck.frame_at(s)
-    fed, pulls = np.empty((6, slides.size)), np.empty((6, slides.size))
+    frames = [stuck.frame_at(s) for s in places]
+    fed = np.empty((len(places), 6, slides.size))
+    pulls = np.empty((answers.shape[2], slides.size))
     for column, ring in enumerate(slides.tolist()):
         holds = list(stuck.holds)
         at = holds[index[ring]].s
@@ -667,11 +670,13 @@ def answer_at(shape: Shape, s: float) -> Floats:
         mesh = stretched(shape.state.made_on, stuck.holds, tuple(holds), shape.state.made_on)
         there = step(mesh, shape.gripper, changed(stuck, holds=tuple(holds)),
                      StepInputs(holds=tuple(holds)), shape.element_strains)
-        axes, x = there.frame_at(s)
-        fed[:3, column] = Rotation.from_matrix(axes @ frame.T).as_rotvec() / by
-        fed[3:, column] = (x - place) / by
-        pulls[:3, column] = (there.gripper_wrench[3:] - shape.gripper_wrench[3:]) / by
-        pulls[3:, column] = (there.gripper_wrench[:3] - shape.gripper_wrench[:3]) / by
+        for k, (s, (axes, x)) in enumerate(zip(places, frames, strict=True)):
+            turned, moved = there.frame_at(s)
+            fed[k, :3, column] = Rotation.from_matrix(turned @ axes.T).as_rotvec() / by
+            fed[k, 3:, column] = (moved - x) / by
+        more = np.vstack([there.gripper_wrench, there.wrenches]) - np.vstack(
+            [shape.gripper_wrench, shape.wrenches])
+        pulls[:, column] = more[:, [3, 4, 5, 0, 1, 2]].ravel() / by
     block = _symmetric(feed.stiffness[np.ix_(slides, slides)])
-    result: Floats = answer - fed @ np.linalg.lstsq(block, pulls.T, rcond=None)[0]
+    result: Floats = answers - fed @ np.linalg.lstsq(block, pulls.T, rcond=None)[0]
     return result

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.sliding import answer_at
+from dlo_planner.direct.sliding import answers_at
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 
@@ -71,7 +71,7 @@ class Aim(NamedTuple):
         `straight`: how far the gripper is to be from what holds next to it, of the DLO between.
         """
         s, length = self.level(shape), float(shape.s[-1])
-        answer, (axes, _) = answer_at(shape, s), shape.frame_at(s)
+        answer, (axes, _) = answers_at(shape, [s])[0, :, :6], shape.frame_at(s)
         tangent, moved = axes[:, 0], answer[3:]
         if self.s is None:  # another place is level then
             along = self.pose.rotation[:, 0]

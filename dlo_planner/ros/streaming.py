@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.srv import GetPlan
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -51,7 +51,7 @@ from dlo_planner.ros.worker import Worker, persistent
 from dlo_planner.settings.tasks import STANDOFF, held_as_stated
 from dlo_planner.view.scene import axes_primitives
 from msg_helpers.diagnostics import OK, WARN, status_msg
-from msg_helpers.poses import pose_stamped_msg, stamp_text
+from msg_helpers.poses import pose_stamped_msg, stamp_text, wrench_in, wrench_msg
 from msg_helpers.trajectories import joint_points_msg, poses_ahead
 
 MISS_EXPECTED = 'miss expected at most [m]'  # of the cut-out in motion, 95 %
@@ -272,6 +272,7 @@ class TrajectoryStreamer(Part):
         self._ahead_out = node.add_publisher(MultiDOFJointTrajectory, '~/gripper_commands_ahead',
                                              REQUEST)
         self._joints_out = node.add_publisher(JointTrajectory, '~/joint_commands_ahead', REQUEST)
+        self._wrench_out = node.add_publisher(WrenchStamped, '~/gripper_command_wrench', REQUEST)
         self._out = node.add_publisher(DiagnosticStatus, '~/execution', LATCHED)
         node.add_newest(Bool, '~/enable', self._on_enable)
         node.add_service(Trigger, '~/execute', self._on_execute, commands)
@@ -427,8 +428,19 @@ class TrajectoryStreamer(Part):
         if self._drive is None:
             self._command_out.publish(pose_stamped_msg(command, execution.frame_id, stamp))
         self._arms.send(execution, stamp)
+        self._send_wrench(execution, command, stamp)
         self.markers.show('command', execution.frame_id, stamp, lambda: axes_primitives(
             'command', command.compose(tool), _COMMAND))
+
+    def _send_wrench(self, execution: Execution, command: Pose, stamp: Time) -> None:
+        """Publish what the DLO does to the gripper there by the plan; a loop goes its own way."""
+        made, scene = self.store.state.running, self.store.state.scene
+        if made is None or self._loop is not None:
+            return
+        led = execution if execution.single is None else execution.single
+        planned, = made.plan.gripper_wrench_at(execution.way.progress([max(led.done, 0.0)]))
+        self._wrench_out.publish(wrench_msg(wrench_in(
+            command, command.compose(scene.tool), -planned), scene['tool.frame_id'], stamp))
 
     def _end(self, execution: Execution) -> None:
         self._finished = True

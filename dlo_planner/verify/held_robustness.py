@@ -10,12 +10,12 @@ farthest: by less than the clearance it touches nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.sliding import answers_at
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.holds import Holds, posed
 from dlo_planner.model.pose import Pose, displaced
@@ -40,30 +40,51 @@ def errors_drawn(uncertain: UncertainState, rng: np.random.Generator, samples: i
     return rng.normal(size=(samples, 1 + grips, uncertain.size)) * uncertain.deviations
 
 
-def first_order(uncertain: UncertainState, plan: Plan, progress: Progress) -> Floats:
-    """Return (n, causes) root mean square misses, to first order."""
+class Mouth(NamedTuple):
+    """The mouth of a fitting, which is off as each grip is."""
+
+    along: Floats  # (3,) unit vectors: the DLO's tangent in it,
+    aside: Floats  # and across that and the way in
+    s: float       # the place of the DLO that passes it, m
+
+
+def first_order(uncertain: UncertainState, plan: Plan, progress: Progress,
+                mouths: Sequence[Mouth | None] | None = None) -> Floats:
+    """Return (n, causes) root mean square misses, to first order.
+
+    Those of a DLO in a Mouth are aside of it.
+    """
     out = np.zeros((len(plan), len(CAUSES)))
-    deviations = {name: getattr(uncertain.uncertainty, name)
-                  for name in ('gripper_rotation', 'gripper_position')}
-    for k, shape in enumerate(plan.shapes):
+    for k, (shape, mouth) in enumerate(zip(plan.shapes, mouths or [None] * len(plan),
+                                           strict=True)):
         progress.check()
-        places = np.linspace(0, shape.s[-1], _PLACES)
-        sensitivity = Sensitivity(shape)
-        slopes = np.array([sensitivity.by_grips(float(s))[3:] for s in places])
+        length = float(shape.s[-1])
+        places = np.linspace(0, 1, _PLACES) if mouth is None else np.array([mouth.s / length])
+        across = np.eye(3)
+        if mouth is not None:  # another place passes it then, level with it
+            tangent = shape.frame_at(mouth.s)[0][:, 0]
+            across = (mouth.aside - (mouth.aside @ tangent) / (mouth.along @ tangent)
+                      * mouth.along)[None]
         # by the rotation, then by the displacement of each grip; the same about any axes
-        twists = slopes.reshape(_PLACES, 3, -1, 2, 3)
-        for part, (name, deviation) in enumerate(deviations.items()):
-            squares = (twists[:, :, :, part]**2).sum(axis=(1, 2, 3)) * deviation**2
-            out[k, CAUSES.index(name)] = np.sqrt(squares.max())
+        twists = (across @ answers_at(shape, (places * length).tolist())[:, 3:]).reshape(
+            len(places), len(across), -1, 2, 3)
+        for part, name in enumerate(_OF_GRIPS):
+            squares = (twists[:, :, :, part]**2).sum(axis=(1, 2, 3)).max() + (
+                mouth is not None and name == _OF_GRIPS[1])
+            out[k, CAUSES.index(name)] = np.sqrt(squares) * getattr(uncertain.uncertainty, name)
         for name in dict.fromkeys(uncertain.causes):
-            if name not in deviations:
-                out[k, CAUSES.index(name)] = _by_rod(uncertain, shape, name)
+            if name not in _OF_GRIPS:
+                out[k, CAUSES.index(name)] = _by_rod(uncertain, shape, name, places, across)
     return out
 
 
-def _by_rod(uncertain: UncertainState, shape: Shape, name: str) -> float:
-    """Return the root mean square miss by one cause of the DLO itself, by differences."""
-    squares, s = np.zeros(_PLACES), np.linspace(0, 1, _PLACES)
+def _by_rod(uncertain: UncertainState, shape: Shape, name: str, s: Floats,
+            across: Floats) -> float:
+    """Return the root mean square miss by one cause of the DLO itself, by differences.
+
+    At places s of the length, in the directions `across` (k, 3).
+    """
+    squares = np.zeros(s.size)
     for index, (cause, deviation) in enumerate(zip(uncertain.causes, uncertain.deviations,
                                                    strict=True)):
         if cause != name:
@@ -78,7 +99,7 @@ def _by_rod(uncertain: UncertainState, shape: Shape, name: str) -> float:
             if not found.converged:
                 return np.inf
             ends.append(found.positions_at(s * rod.length))
-        squares += (((ends[1] - ends[0]) / 2)**2).sum(axis=1)
+        squares += (((ends[1] - ends[0]) @ across.T / 2)**2).sum(axis=1)
     return float(np.sqrt(squares.max()))
 
 
@@ -145,14 +166,14 @@ def sampled(work: Work) -> Floats:
         initial: Shape | None = None
         for k, shape in enumerate(shapes):
             start = stretched(shape, drawn.rod.length) if initial is None else initial
-            gripper, holds = _off(shape, offsets)
+            gripper, holds = off(shape, offsets)
             reached = drawn.track([gripper], initial=start, holds=holds)[0]
             initial = reached if reached.converged else initial
             out[i, k] = apart(reached, shape) if reached.converged else np.inf
     return out
 
 
-def _off(shape: Shape, offsets: Sequence[Pose]) -> tuple[Pose, Holds]:
+def off(shape: Shape, offsets: Sequence[Pose]) -> tuple[Pose, Holds]:
     """Return the gripper and the Holds of a Shape, each off by its own Pose."""
     own, *others = offsets
     holds = tuple(posed(hold, hold.pose.compose(offset))

@@ -5,12 +5,12 @@
 To first order, from the sensitivities of the equilibrium, for each cause separately; and sampled,
 for deviations of any size. A miss is the distance from a center to be passed of the DLO, extended
 straight where it is too short. Of a DLO that several grips hold it is how far any place of it is
-off (`held_robustness`).
+off (`held_robustness`), in the mouth of a fitting how far aside of its middle (`route_robustness`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
@@ -22,6 +22,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.held_inside import front_of
+from dlo_planner.inverse.tasks.route import Fitting
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.holds import alike
@@ -35,6 +36,8 @@ from dlo_planner.uncertainty.parameters import CAUSES, VARIATION, Uncertainty
 from dlo_planner.uncertainty.state import UncertainState, stretched
 from dlo_planner.verify.held_robustness import errors_drawn, first_order, plug_deviations
 from dlo_planner.verify.held_robustness import sampled as held_sampled
+from dlo_planner.verify.route_robustness import RouteWork, entries_of, mouths_of, rooms_of
+from dlo_planner.verify.route_robustness import sampled as route_sampled
 
 _AT_ONCE = 25   # samples in one piece of work
 
@@ -59,7 +62,9 @@ class Robustness(Answer):
         Part of the samples that miss by less than the room, at every waypoint: the least of the
         plan's `clearances` there, of all three parts of the DLO. Misses are across the DLO, and by
         as much an oblique one may be displaced in any direction. Of a DLO that is held elsewhere,
-        too, the room is the plan's `clearance`. nan without samples or without any room.
+        too, the room is the plan's `clearance`. Of a Route it is the `room` of the fitting in whose
+        mouth the DLO is; else the sample touches nothing, nor a fitting ahead. nan without samples
+        or without any room.
     plug_wrenches : ndarray, shape (n, 6)
         Standard deviations of `Plan.plug_wrenches`, to first order, N and N m, world axes: by how
         much what the hand feeds forward is wrong. Infinite where a deviation leaves no shape; nan
@@ -117,7 +122,8 @@ class Robustness(Answer):
 
 
 def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertainty: Uncertainty,
-               *, samples: int = 0, seed: int = 0, executor: Executor | None = None,
+               *, fittings: Iterable[Fitting] = (), hand_stiffness: float | None = None,
+               samples: int = 0, seed: int = 0, executor: Executor | None = None,
                progress: OnProgress = None, deadline: float | None = None) -> Robustness:
     """Return the Robustness of a plan under an Uncertainty.
 
@@ -134,6 +140,13 @@ def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertain
     uncertainty : Uncertainty
         Standard deviations of the DLO and of the gripper's pose; those of each other grip are the
         same, and independent.
+    fittings : iterable of Fitting, optional
+        Those of the Route that the plan is of, which close on its way: each is off as the gripper
+        is, by an error of its own, and takes the place of the DLO that has come to lie in it.
+    hand_stiffness : float, optional
+        Of samples of a Route: how stiff the hand is that leads the DLO and is fed with
+        `Plan.gripper_wrench_at`, N/m. It gives way along the DLO, to what this pulls more or less
+        than planned. If None, it does not: a DLO that is drawn taut has no shape.
     samples : int, optional
         Number of samples; 0: first order only.
     seed : int, optional
@@ -153,8 +166,12 @@ def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertain
     DeadlineExceeded
         The deadline is over; samples that an executor has begun go on.
     """
-    made_for, plan = _made_for(simulator, plan)
+    fittings = items('fittings', fittings, Fitting)
+    made_for, plan = _made_for(simulator, plan, bool(fittings))
+    entries = entries_of(plan, fittings) if fittings else []
     instance('uncertainty', uncertainty, Uncertainty)
+    stiffness = np.inf if hand_stiffness is None else number(
+        'hand_stiffness', hand_stiffness, above=0, unit='N/m')
     samples = integer('samples', samples, minimum=0, maximum=1_000_000)
     seed = integer('seed', seed, minimum=0, maximum=2**63)
     if executor is not None:
@@ -163,42 +180,51 @@ def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertain
     uncertain = UncertainState(made_for, uncertainty, 1 + VARIATION)
     rng, held = np.random.default_rng(seed), plan.shapes[0].holds
     run: Any = map if executor is None else executor.map
-    batches = [np.zeros((0, len(plan)))]
+    misses, least = [np.zeros((0, len(plan)))], [np.zeros(0)]
     with interrupted_by(steps.check):
         plug_wrenches = plug_deviations(uncertain, plan, made_for.surroundings.gravity, steps)
-        if held:
-            by_cause = first_order(uncertain, plan, steps)
-            errors = errors_drawn(uncertain, rng, samples, len(held))
-            found = run(held_sampled, [(uncertain, plan.shapes, errors[k:k + _AT_ONCE])
-                                       for k in range(0, samples, _AT_ONCE)])
+        if held or fittings:
+            by_cause = first_order(uncertain, plan, steps, mouths_of(plan, fittings, entries))
+            errors = errors_drawn(uncertain, rng, samples, len(held) + len(fittings))
+            parts = [errors[k:k + _AT_ONCE] for k in range(0, samples, _AT_ONCE)]
+            obstacles = simulator.surroundings.obstacles
+            found = run(route_sampled, [RouteWork(
+                uncertain, plan.shapes, fittings, entries, obstacles, stiffness, part)
+                for part in parts]) if fittings else run(
+                held_sampled, [(uncertain, plan.shapes, part) for part in parts])
         else:
             by_cause = _first_order(uncertain, plan, steps)
             draws = uncertain.draw(rng, samples)
             found = run(_sampled, [(uncertain, plan.shapes, plan.via_points, draws[k:k + _AT_ONCE])
                                    for k in range(0, samples, _AT_ONCE)])
         for batch in found:
-            batches.append(batch)
-            steps.done(len(batches) - 1, -(-samples // _AT_ONCE))
-    sampled = np.concatenate(batches)
-    room = plan.clearance if held else rooms_in_holes(plan).min(axis=1, initial=np.inf)
+            missed, left = batch if fittings else (batch, np.full(len(batch), np.inf))
+            misses.append(missed)
+            least.append(left)
+            steps.done(len(misses) - 1, -(-samples // _AT_ONCE))
+    sampled = np.concatenate(misses)
+    if fittings:
+        room = rooms_of(fittings, entries)
+    else:
+        room = plan.clearance if held else rooms_in_holes(plan).min(axis=1, initial=np.inf)
     success = np.nan
     if samples and np.isfinite(room).any():
-        success = float((sampled < room).all(axis=1).mean())
+        success = float(((sampled < room).all(axis=1) & (np.concatenate(least) > 0)).mean())
     return Robustness(CAUSES, by_cause, np.sqrt((by_cause**2).sum(axis=1)), sampled, success,
                       plug_wrenches)
 
 
-def _made_for(simulator: DirectSimulator | GraspedInside,
-              plan: Plan) -> tuple[DirectSimulator, Plan]:
+def _made_for(simulator: DirectSimulator | GraspedInside, plan: Plan,
+              closes: bool) -> tuple[DirectSimulator, Plan]:
     """Return the elastic simulator of a Plan, and it; of a DLO held inside those of its front.
 
-    Raise InvalidTask if it was made for another.
+    Raise InvalidTask if it was made for another; `closes`: whether what holds it may change.
     """
     if not len(instance('plan', plan, Plan)):
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
     held = held_as('simulator', simulator, plan.shapes[0])
     if isinstance(held, GraspedInside):
-        return _made_for(held.parts[1], front_of(plan, Surface.of(held.parts[1].rod)))
+        return _made_for(held.parts[1], front_of(plan, Surface.of(held.parts[1].rod)), closes)
     if any(shape.s[-1] != held.rod.length for shape in plan.shapes):
         raise InvalidTask('plan: expected shapes of the simulator\'s whole DLO')
     own = held.history is not None  # its set makes a rod of its own
@@ -206,9 +232,9 @@ def _made_for(simulator: DirectSimulator | GraspedInside,
     if not own and not all(_acts_alike(shape, elastic) for shape in plan.shapes):
         raise InvalidTask('simulator: expected the one for which the plan was made, with its rod, '
                           'gravity and load')
-    if any(not alike(shape.holds, plan.shapes[0].holds) for shape in plan.shapes):
+    if not closes and any(not alike(shape.holds, plan.shapes[0].holds) for shape in plan.shapes):
         raise InvalidTask(f'plan has {len(plan.stages)} stages, in which the DLO is held '
-                          'differently: expected one')
+                          'differently: expected one, or the fittings of its Route')
     if any(shape.contacts for shape in plan.shapes):
         return elastic, plan
     return elastic.without_obstacles(), plan  # a rim would hold it back, and hide the miss

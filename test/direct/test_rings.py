@@ -20,8 +20,9 @@ from dlo_planner import (
 )
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.sliding import answer_at, material_slope, stretched
+from dlo_planner.direct.sliding import answers_at, material_slope, stretched
 from dlo_planner.direct.statics import StepInputs, step
+from dlo_planner.model.holds import posed
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.value import changed
 
@@ -269,18 +270,25 @@ def test_the_gripper_moves_what_slides():
     # without friction every small motion lets the DLO slide: differences of shapes tell
     simulator, holds = board('ring')
     shape = simulator.solve(HERE, holds=holds)
-    answers, size, s = answer_at(shape, 0.3), 1e-5, 0.3
+    (answers, at_the_ring), size, s = answers_at(shape, [0.3, shape.holds[0].s]), 1e-5, 0.3
     axes, _ = shape.frame_at(s)
-    for column in range(6):
-        twist = size * np.eye(6)[column]
-        ends = [simulator.solve(displaced(HERE, sign * twist), shape, holds=holds)
-                for sign in (1, -1)]
+    poses = [HERE, *(hold.pose for hold in holds)]
+    assert answers.shape == (6, 6 * len(poses))
+    for column in range(6 * len(poses)):
+        grip, ends = column // 6, []
+        for sign in (1, -1):
+            off = displaced(poses[grip], sign * size * np.eye(6)[column % 6])
+            there = [posed(hold, off) if k == grip else hold for k, hold in enumerate(holds, 1)]
+            ends.append(simulator.solve(HERE if grip else off, shape, holds=there))
         frames, places_there = zip(*(one.frame_at(s) for one in ends), strict=True)
         moved = (places_there[0] - places_there[1]) / (2 * size)
         turned = (frames[0] - frames[1]) @ axes.T / (2 * size)
         np.testing.assert_allclose(answers[3:, column], moved, atol=2e-3)
         np.testing.assert_allclose(answers[:3, column], [
             turned[2, 1], turned[0, 2], turned[1, 0]], atol=2e-2)
+    # what is in a ring goes wherever it goes, but for what slides
+    across = np.eye(3) - np.outer(*[shape.frame_at(shape.holds[0].s)[0][:, 0]] * 2)
+    np.testing.assert_allclose(across @ at_the_ring[3:, 9:12], across, atol=1e-5)
 
 
 def test_two_rings_with_friction_that_pull_against_each_other():

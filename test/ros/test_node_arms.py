@@ -11,14 +11,14 @@ from time import monotonic
 import numpy as np
 import pytest
 from follower import Follower
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from node_inside import OVERRIDES as WIRE
 from node_inside import state
 from planner_process import PATIENCE, drain, until
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dlo_planner import CutOut, Pose
+from dlo_planner import CutOut, FarEnd, Pose
 from dlo_planner.execute.causes import Cause
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.settings.tasks import task_to_yaml
@@ -37,6 +37,11 @@ TASK = Carry(Pose((0.0, 0.1, 1.0), LEVEL), Pose((0.75, 0.15, 1.0), LEVEL), max_f
 def _since(heard):
     """Return how many s ago a Feedback came."""
     return monotonic() - heard.arrived
+
+
+def numbers(vector):
+    """Return the numbers [3] of a Vector3."""
+    return [vector.x, vector.y, vector.z]
 
 
 @contextmanager
@@ -98,7 +103,9 @@ def held(inside, node):
 
 def test_both_ends_are_carried_by_one_clock(inside, node, held):
     with listening(inside, PoseStamped, 'gripper_command/far_end') as commands, listening(
-            inside, MarkerArray, 'holds', LATCHED) as holds:
+            inside, MarkerArray, 'holds', LATCHED) as holds, listening(
+            inside, PoseStamped, 'gripper_command') as led, listening(
+            inside, WrenchStamped, 'gripper_command_wrench') as wrenches:
         told(inside, TASK)
         assert until(lambda: holds)
         assert until(lambda: node.count_subscribers(f'{inside.planner}/gripper_command/far_end'))
@@ -124,6 +131,19 @@ def test_both_ends_are_carried_by_one_clock(inside, node, held):
             assert at.min() < 1e-4
             assert np.linalg.norm(grippers[at.argmin()] - first.position) < 1e-3
         assert len(commands) > 30
+        # with each command the wrench of the DLO that both ends hold there, in the tool frame
+        assert until(lambda: len(wrenches) == len(commands) == len(led))
+        direct, tool, shape = state(node).scene.direct, state(node).scene.tool, None
+        for *poses, wrench in list(zip(led, commands, wrenches, strict=True))[::9]:
+            first, second = (pose_from_msg(one.pose) for one in poses)
+            shape = direct.solve(first.compose(tool), shape, far_end=FarEnd(second))
+            force = -shape.gripper_wrench[:3] @ first.rotation
+            moment = -shape.gripper_wrench[3:] - np.cross(
+                shape.gripper.position - first.position, shape.gripper_wrench[:3])
+            assert wrench.header.frame_id == state(node).scene['tool.frame_id']
+            np.testing.assert_allclose(numbers(wrench.wrench.force), force, atol=0.02)
+            np.testing.assert_allclose(numbers(wrench.wrench.torque), moment @ first.rotation,
+                                       atol=0.01)
         last = pose_from_msg(commands[-1].pose)
         np.testing.assert_allclose(last.matrix, TASK.far_end_to.matrix, atol=1e-9)
         assert until(lambda: [pose_from_msg(one.pose).position[0] for one in holds[-1].markers

@@ -23,6 +23,7 @@ OUTPUTS = {
     '~/holds': (MarkerArray, LATCHED),
     '~/status': (DiagnosticStatus, LATCHED), '~/execution': (DiagnosticStatus, LATCHED),
     '~/gripper_command': (PoseStamped, REQUEST),
+    '~/gripper_command_wrench': (WrenchStamped, REQUEST),
     **{f'~/{name}_wrench': (WrenchStamped, LATEST) for name in ('gripper', 'far_end')},
     '~/gripper_commands_ahead': (MultiDOFJointTrajectory, REQUEST),
     '/diagnostics': (DiagnosticArray, REQUEST)}

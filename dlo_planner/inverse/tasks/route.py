@@ -262,6 +262,30 @@ def hold_by(fitting: Fitting, s: float, axes: Floats, by: str) -> Hold:
     return Hold(Pose.from_rotation(fitting.pose.position, turn @ axes), grip, s, by=by)
 
 
+def closed(simulator: DirectSimulator, shape: Shape, fitting: Fitting, s: float,
+           by: str) -> Holds:
+    """Return what holds a Shape once a Fitting has closed about it, near its place s, m.
+
+    As it closes it turns the DLO, which needs length, and slides along it until it grips; what
+    nothing but the gripper held is led by that place.
+    """
+    length = float(shape.s[-1])
+    if shape.holds:
+        grip = 'ring' if getattr(fitting, 'grip', 'ring') in ('ring', 'pinned') else 'tube'
+        ring = Hold(fitting.pose, grip, s, by=by)
+        there = simulator.track([shape.gripper], initial=shape, holds=[
+            holds_of(None, (ring, *shape.holds), length)])[0]
+        found = next((hold.s for hold in there.holds if hold.by == by), None)
+        if found is not None and there.converged and not there.jumped:
+            s = found
+    return holds_of(None, (hold_by(fitting, s, shape.frame_at(s)[0], by), *shape.holds), length)
+
+
+def names_of(fittings: Iterable[Fitting]) -> list[str]:
+    """Return how plans call the Fittings of a Route: 'clip 1', 'fork 2' and so on."""
+    return [f'{one.word} {k}' for k, one in enumerate(fittings, start=1)]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Route(Task):
     """Lead the DLO through fittings, in their order: from the far end towards the gripper.
@@ -358,7 +382,7 @@ class _Routing:
         self._simulator: DirectSimulator = context.simulator.without_obstacles()
         self._demands = replace(context.demands, wrench_limits=(task.max_force, task.max_moment),
                                 clearance=task.clearance)
-        self._names = [f'{one.word} {k}' for k, one in enumerate(task.fittings, start=1)]
+        self._names = names_of(task.fittings)
         self._back = list[Pose]()  # by which the gripper came where it is, as it pressed
         self._bow = 0.0  # rad, by which the gripper is turned down as the DLO enters
         self._keep_off(0)
@@ -739,9 +763,8 @@ class _Routing:
 
     def _pressed(self, shape: Shape, s: float, fitting: Fitting, name: str) -> Shape:
         """Add the stage in which a fitting holds, and the DLO is pressed into it."""
-        s = self._settled(shape, fitting, s, name)
-        hold = hold_by(fitting, s, shape.frame_at(s)[0], name)
-        holds = holds_of(None, (hold, *shape.holds), self._length)
+        holds = closed(self._simulator, shape, fitting, s, name)
+        s = next(hold.s for hold in holds if hold.by == name) or s
         begin = self._simulator.track([shape.gripper], initial=shape, holds=[holds])[0]
         if not begin.converged or begin.jumped:
             raise self._refused(f'press {name}', 'continuity', 0.0, f'where {name} closes the DLO '
@@ -769,20 +792,6 @@ class _Routing:
         except Infeasible as error:
             raise again(error, f'press {name}: ') from None
         return self._added(plan, f'press {name}')
-
-    def _settled(self, shape: Shape, fitting: Fitting, s: float, name: str) -> float:
-        """Return the place of the DLO that is in a fitting when that has closed, m, near s.
-
-        As it closes it turns the DLO, which needs length, and slides along it until it grips.
-        """
-        if not shape.holds:  # it is led by that place
-            return s
-        grip = 'ring' if getattr(fitting, 'grip', 'ring') in ('ring', 'pinned') else 'tube'
-        ring = Hold(fitting.pose, grip, s, by=name)
-        there = self._simulator.track([shape.gripper], initial=shape, holds=[
-            holds_of(None, (ring, *shape.holds), self._length)])[0]
-        found = next((hold.s for hold in there.holds if hold.by == name), None)
-        return s if found is None or not there.converged or there.jumped else found
 
     def _push(self, shape: Shape, fitting: Fitting, name: str) -> float:
         """Return the force with which a DLO presses into a fitting, N."""
