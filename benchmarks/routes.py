@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random routes: three forks with 0.8 mm of room, or a board of five clips.
 
-python -m benchmarks.routes [--seeds 20] [--kinds forks clips]
+python -m benchmarks.routes [--seeds 20] [--kinds forks clips] [--samples 20]
 
 Each one is planned, and what was planned is led once more, stage by stage, on elements of half the
 length: the DLO has to follow without a leap, in the same shapes, and no fitting may be missed.
+Samples of other DLOs, grips and fittings follow it in a hand of 500 N/m: which part gets through.
 """
 
 import argparse
@@ -24,6 +25,8 @@ from dlo_planner import (
     Pose,
     Rod,
     Shape,
+    Uncertainty,
+    robustness,
 )
 from dlo_planner.tasks import Clip, Fitting, Fork, Route
 
@@ -33,6 +36,10 @@ RADIUS = 3e-3   # m
 PRONG = 6e-3, 4e-3, 8e-3
 _SIZE = PRONG[0], 2 * (RADIUS + _ROOM + PRONG[1]), 2 * PRONG[2]
 _STEEP = 0.6    # rad: beyond level, of the cable at the beginning
+_HAND = 500.0   # N/m: how stiff the hand is that leads it
+# another cable of its kind, a camera's and a robot's errors
+OTHERS = Uncertainty(bending_stiffness=0.2, torsional_stiffness=0.2, mass=0.02, length=1e-3,
+                     gripper_position=3e-4, gripper_rotation=5e-3)
 _APART = 2e-3   # m: how far the cable stays from the board and what stands ahead
 
 
@@ -82,7 +89,7 @@ def led_again(simulator: DirectSimulator, plan: Plan) -> tuple[int, float]:
     return leaps, off
 
 
-def runs(kinds: list[str], seeds: range) -> Iterator[str]:
+def runs(kinds: list[str], seeds: range, samples: int) -> Iterator[str]:
     """Yield a line for each route, and one for all of them."""
     for kind in kinds:
         planned, seconds, offs, leaps = 0, list[float](), list[float](), 0
@@ -99,10 +106,16 @@ def runs(kinds: list[str], seeds: range) -> Iterator[str]:
             planned += 1
             leaps += again
             offs.append(off)
+            through = 'not asked'
+            if samples:
+                found = robustness(simulator, plan, OTHERS, fittings=task.fittings,
+                                   samples=samples, hand_stiffness=_HAND)
+                lost = sum(np.isinf(found.sampled).any(axis=1))
+                through = f'{found.success:.2f}, {lost} lost, {process_time() - begin:.0f} s'
             yield (f'{kind} {seed}: {seconds[-1]:.1f} s CPU, {len(plan)} waypoints, '
                    f'{plan.times[-1]:.0f} s, {again} leaps on finer elements, off by '
                    f'{1e3 * off:.2f} mm, clearance {1e3 * plan.clearance.min():.1f} mm, at most '
-                   f'{plan.largest_force.max():.2f} N')
+                   f'{plan.largest_force.max():.2f} N; gets through: {through}')
         yield (f'{kind}: {planned} of {len(seeds)} planned, {leaps} leaps, off by at most '
                f'{1e3 * max(offs, default=0.0):.2f} mm, median '
                f'{np.median(seconds or [np.nan]):.1f} s CPU')
@@ -113,9 +126,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--seeds', type=int, default=20)
     parser.add_argument('--first', type=int, default=0)
+    parser.add_argument('--samples', type=int, default=0)
     parser.add_argument('--kinds', nargs='+', default=['forks', 'clips'])
     asked = parser.parse_args()
-    for line in runs(asked.kinds, range(asked.first, asked.first + asked.seeds)):
+    for line in runs(asked.kinds, range(asked.first, asked.first + asked.seeds), asked.samples):
         print(line, flush=True)
 
 

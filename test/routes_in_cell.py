@@ -120,6 +120,8 @@ class Run:
         self.snapped, self.pressed = dict[int, float](), dict[int, float]()
         self.pulled = 0.0  # the largest force of the gripper, N
         self.twist = np.zeros(6)  # by which poses are displaced from where they were planned
+        self.missed = np.zeros(2)  # of the mouth before it, as far as it was seen, m
+        self.entry = list[np.ndarray]()  # twists at the waypoints from there on
         self.eyes, self.looks = Viewer(GOOD, np.random.default_rng([seed, 9])), 0
 
     def move(self, pose, wrench, pressing=None, seconds=PERIOD):
@@ -158,10 +160,13 @@ class Run:
             self.looks += 1
             if abs(seen.miss[0]) < max(NEAR * fitting.room, seen.error[0]):  # aside
                 break
-            step = centered(shape, fitting, seen.miss)
+            self.missed = self.missed + seen.miss
+            step = centered(shape, fitting, self.missed) - self.twist
             for _ in range(STEPS):
                 self.twist = self.twist + step / STEPS
                 self.move(pose, wrench)
+        # as much is taken away at each further waypoint, where the cable answers otherwise
+        self.entry = [centered(one, fitting, self.missed) for one in stage.shapes[at:]]
 
     def press_on(self, stage, k):
         """Go beyond the farthest pose of a stage, until a fitting snaps, and back."""
@@ -198,19 +203,23 @@ def executed(direct, task, plan, motions, seed, looks=False, **unknown):
     for (name, _), stage, motion in zip(plan.starts, plan.stage_plans, motions, strict=True):
         k = int(name.split()[-1]) - 1 if name.startswith('press') else None
         times = PERIOD * np.arange(1, int(motion.duration / PERIOD) + 2)
-        poses = motion.poses(times)
-        wrenches = stage.gripper_wrench_at(motion.progress(times))
+        poses, reached = motion.poses(times), motion.progress(times)
+        wrenches = stage.gripper_wrench_at(reached)
         # a stage that presses goes on to its stop, and back until the cable is as slack as before
-        back = int(np.searchsorted(motion.progress(times), stage.times[stage.stops[0]])) if (
+        back = int(np.searchsorted(reached, stage.times[stage.stops[0]])) if (
             stage.stops and k is not None) else 0
-        stands = int(np.searchsorted(motion.progress(times), stage.times[stage.stops[0]])) if (
+        stands = int(np.searchsorted(reached, stage.times[stage.stops[0]])) if (
             looks and name.startswith('enter')) else -1
         i, moved = 0, run.twist
         while i < len(poses):
             if k is not None:  # the prongs hold it: as it presses it is as planned again
                 run.twist = max(0.0, 1 - i * PERIOD / FADES) * moved
             if i == stands:
+                run.missed = np.zeros(2)
                 run.look(stage, task.fittings[int(name.split()[-1]) - 1])
+            elif -1 < stands < i:
+                run.twist = np.array([np.interp(reached[i], stage.times[stage.stops[0]:], one)
+                                      for one in np.transpose(run.entry)])
             if not run.move(poses[i], wrenches[i], k):
                 return {'rammed': float(run.plant.forces.max()), 'pulled': run.pulled, 'at': name}
             i += 1

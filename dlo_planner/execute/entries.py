@@ -5,7 +5,8 @@
 A Route leads a DLO past each mouth at a standoff before it goes in. What is uncertain of the DLO,
 as its stiffness, has it pass there elsewhere than planned, by more than the room of the mouth. The
 points on it that a camera sees there tell by how much, and the DLO's sensitivity tells the motion
-of the gripper that takes it away. All further poses of that entry are moved alike.
+of the gripper that takes it away: there, and at each further waypoint of that entry the one for as
+much. It differs, since the DLO is bowed above the mouth and nearly straight in it.
 """
 
 from __future__ import annotations
@@ -88,6 +89,10 @@ def seen_miss(shape: Shape, fitting: Fitting, points: ArrayLike) -> SeenMiss:
 def centered(shape: Shape, fitting: Fitting, miss: ArrayLike) -> Floats:
     """Return the twist (6,) of the gripper that takes a miss away, rad and m, world axes.
 
+    What was seen above a mouth, summed over all looks, is taken away at each waypoint from there to
+    the seat, by the twist for its own shape, and smoothly between: one twist for all of them would
+    be three times too much where the DLO is drawn straight.
+
     To first order, about the gripper's own origin, rotation before displacement: it is as far from
     what holds the DLO next to it as before.
 
@@ -98,7 +103,7 @@ def centered(shape: Shape, fitting: Fitting, miss: ArrayLike) -> Floats:
     fitting : Fitting
         Clip, Fork or Peg that the DLO is about to go into.
     miss : array_like, shape (2,)
-        As of a SeenMiss, m.
+        As of a SeenMiss, or the sum of several, m.
 
     Raises
     ------

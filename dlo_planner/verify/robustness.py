@@ -40,6 +40,7 @@ from dlo_planner.verify.route_robustness import RouteWork, entries_of, mouths_of
 from dlo_planner.verify.route_robustness import sampled as route_sampled
 
 _AT_ONCE = 25   # samples in one piece of work
+_LOOKS = 2      # from above each mouth
 
 _Work: TypeAlias = tuple[UncertainState, Sequence[Shape], Sequence[Passes], Floats]
 
@@ -123,8 +124,9 @@ class Robustness(Answer):
 
 def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertainty: Uncertainty,
                *, fittings: Iterable[Fitting] = (), hand_stiffness: float | None = None,
-               samples: int = 0, seed: int = 0, executor: Executor | None = None,
-               progress: OnProgress = None, deadline: float | None = None) -> Robustness:
+               seen: float | None = None, samples: int = 0, seed: int = 0,
+               executor: Executor | None = None, progress: OnProgress = None,
+               deadline: float | None = None) -> Robustness:
     """Return the Robustness of a plan under an Uncertainty.
 
     Parameters
@@ -147,6 +149,10 @@ def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertain
         Of samples of a Route: how stiff the hand is that leads the DLO and is fed with
         `Plan.gripper_wrench_at`, N/m. It gives way along the DLO, to what this pulls more or less
         than planned. If None, it does not: a DLO that is drawn taut has no shape.
+    seen : float, optional
+        Of samples of a Route: standard deviation of what a camera tells of the DLO's place above
+        each mouth where the plan stops there, aside and out of it, m. The gripper takes away what
+        is seen, as `closed_loop.centered` does, in two looks. If None, nobody looks.
     samples : int, optional
         Number of samples; 0: first order only.
     seed : int, optional
@@ -172,6 +178,7 @@ def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertain
     instance('uncertainty', uncertainty, Uncertainty)
     stiffness = np.inf if hand_stiffness is None else number(
         'hand_stiffness', hand_stiffness, above=0, unit='N/m')
+    camera = None if seen is None else number('seen', seen, minimum=0, unit='m')
     samples = integer('samples', samples, minimum=0, maximum=1_000_000)
     seed = integer('seed', seed, minimum=0, maximum=2**63)
     if executor is not None:
@@ -186,12 +193,14 @@ def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertain
         if held or fittings:
             by_cause = first_order(uncertain, plan, steps, mouths_of(plan, fittings, entries))
             errors = errors_drawn(uncertain, rng, samples, len(held) + len(fittings))
-            parts = [errors[k:k + _AT_ONCE] for k in range(0, samples, _AT_ONCE)]
+            looks = (camera or 0.0) * rng.normal(size=(
+                samples, len(fittings), 0 if camera is None else _LOOKS, 2))
+            parts = [slice(k, k + _AT_ONCE) for k in range(0, samples, _AT_ONCE)]
             obstacles = simulator.surroundings.obstacles
             found = run(route_sampled, [RouteWork(
-                uncertain, plan.shapes, fittings, entries, obstacles, stiffness, part)
-                for part in parts]) if fittings else run(
-                held_sampled, [(uncertain, plan.shapes, part) for part in parts])
+                uncertain, plan.shapes, fittings, entries, obstacles, stiffness, errors[part],
+                looks[part]) for part in parts]) if fittings else run(
+                held_sampled, [(uncertain, plan.shapes, errors[part]) for part in parts])
         else:
             by_cause = _first_order(uncertain, plan, steps)
             draws = uncertain.draw(rng, samples)

@@ -19,12 +19,13 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
+from dlo_planner.execute.entries import centered
 from dlo_planner.inverse.aiming import Aim
 from dlo_planner.inverse.tasks.route import Fitting, closed, names_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.holds import Holds
 from dlo_planner.model.obstacles import Obstacle
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.continuity import apart
@@ -43,6 +44,7 @@ class Entry(NamedTuple):
 
     closes: int | None  # about the DLO, before the gripper goes there
     inside: int | None  # has the DLO in its mouth
+    below: int | None   # the one above which the DLO stops to be looked at
     ahead: int          # the first one that the DLO keeps out of
 
 
@@ -56,6 +58,7 @@ class RouteWork(NamedTuple):
     obstacles: Sequence[Obstacle]
     stiffness: float             # N/m, of the hand
     draws: Floats                # (m, 1 + A + F, k) of DLO and gripper, A holds at first, fittings
+    errors: Floats               # (m, F, l, 2) of l looks from above each fitting, m
 
 
 def entries_of(plan: Plan, fittings: Sequence[Fitting]) -> list[Entry]:
@@ -72,8 +75,9 @@ def entries_of(plan: Plan, fittings: Sequence[Fitting]) -> list[Entry]:
         for k, shape in enumerate(stage.shapes):
             inside = bool(some) and (k == len(stage) - 1 or _in_mouth(
                 shape, fittings[count], surface))
+            below = bool(some) and 0 < k < len(stage) - 1 and stage.first + k in plan.stops
             found.append(Entry(closes if k == 0 else None, count if inside else None,
-                               count + len(some)))
+                               count if below else None, count + len(some)))
         closes = count if some else None
         count += len(some)
     return found
@@ -121,13 +125,14 @@ def sampled(work: RouteWork) -> tuple[Floats, Floats]:
     Each sample is followed through the plan, until it leaps or has no stable shape: its misses are
     infinite from then on.
     """
-    ends = [_followed(work, z, [work.uncertain.offset(one) for one in (z, *others)])
-            for z, *others in work.draws]
+    ends = [_followed(work, z, [work.uncertain.offset(one) for one in (z, *others)], errors)
+            for (z, *others), errors in zip(work.draws, work.errors, strict=True)]
     return (np.array([misses for misses, _ in ends]).reshape(len(ends), len(work.shapes)),
             np.array([room for _, room in ends]))
 
 
-def _followed(work: RouteWork, z: Floats, offsets: Sequence[Pose]) -> tuple[Floats, float]:
+def _followed(work: RouteWork, z: Floats, offsets: Sequence[Pose],
+              errors: Floats) -> tuple[Floats, float]:
     """Return misses (n,) of one DLO, and its least distance from all around, m."""
     drawn, shapes = work.uncertain.simulator, work.shapes
     if work.uncertain.parameters.size:
@@ -140,13 +145,29 @@ def _followed(work: RouteWork, z: Floats, offsets: Sequence[Pose]) -> tuple[Floa
     holds = off(shapes[0], offsets[:count])[1]
     before = stretched(shapes[0], drawn.rod.length)
     misses, room, gives = np.full(len(shapes), np.inf), np.inf, 0.0
+    off_by = np.zeros(2)  # of the mouth, as far as it has been seen, m
+
+    def led() -> tuple[Shape | None, float]:
+        """Return the next Shape, what was seen taken away, and by how much the hand gives way."""
+        gripper = planned.gripper
+        if off_by.any():
+            gripper = displaced(gripper, centered(planned, work.fittings[entry.ahead - 1], off_by))
+        return _led(drawn, gripper.compose(offsets[0]), holds, before, planned.gripper_wrench[:3],
+                    work.stiffness, gives)
+
     for k, (planned, entry) in enumerate(zip(shapes, work.entries, strict=True)):
         if entry.closes is not None:
             fitting = fittings[entry.closes]
             holds = closed(drawn, before, fitting, aim_at(fitting).level(before),
                            names[entry.closes])
-        reached, gives = _led(drawn, planned.gripper.compose(offsets[0]), holds, before,
-                              planned.gripper_wrench[:3], work.stiffness, gives)
+            off_by = np.zeros(2)
+        reached, gives = led()
+        for error in errors[entry.below] if entry.below is not None else ():
+            if reached is None or entry.below is None:
+                break
+            off_by = off_by + error + passed_at(reached, fittings[entry.below]) - passed_at(
+                planned, work.fittings[entry.below])
+            reached, gives = led()
         if reached is None or k > 0 and reached.jumped:
             break
         around = [*work.obstacles, *(body for some in bodies[entry.ahead:] for body in some)]

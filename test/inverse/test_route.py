@@ -20,10 +20,14 @@ from dlo_planner import (
     Pose,
     Rod,
     Trajectory,
+    Uncertainty,
+    robustness,
 )
 from dlo_planner.inverse.tasks.route import hold_by
 from dlo_planner.tasks import Clip, Fork, Peg, Route, task_from_yaml, task_to_yaml
+from dlo_planner.uncertainty.state import UncertainState
 from dlo_planner.verify.replay import replay
+from dlo_planner.verify.route_robustness import RouteWork, entries_of, sampled
 
 toward = Pose.looking_along
 CABLE = Rod(0.8, 0.025, 4e-3, 2e-3, radius=0.003)
@@ -188,6 +192,28 @@ def test_the_dlo_stays_out_of_the_fittings_ahead():
               for hold, wrench in zip(shape.holds, shape.wrenches, strict=True)
               if hold.by == 'fork 1']
     assert max(pushes) >= 0.06
+
+
+def test_what_is_seen_above_a_mouth_is_taken_away_as_deep_as_the_seat():
+    # a DLO bows over the prongs of what stands ahead, and is drawn straight as it goes in
+    made, direct = in_line(), simulator().without_obstacles()
+    stops = [stage.first + stop for stage, part in zip(made.stages, made.stage_plans, strict=True)
+             if stage.name.startswith('enter') for stop in part.stops]
+    entries = entries_of(made, IN_LINE)
+    assert stops and [k for k, one in enumerate(entries) if one.below is not None] == stops
+    uncertain = UncertainState(direct, Uncertainty(gripper_rotation=1e-3), 1)
+    draws, worst = np.zeros((1, 4, 3)), {}
+    draws[0, 0] = 4e-3  # of the gripper, about each axis
+    inside = [k for k, one in enumerate(entries) if one.inside is not None]
+    assert {entries[k].inside for k in inside} == {0, 1}
+    for looks in (0, 2):
+        (misses,), _ = sampled(RouteWork(uncertain, made.shapes, IN_LINE, entries, (), np.inf,
+                                         draws, np.zeros((1, 2, looks, 2))))
+        worst[looks] = misses[inside].max()
+    assert worst[2] < 0.3 * worst[0]
+    found = robustness(direct, made, Uncertainty(bending_stiffness=0.1), fittings=IN_LINE,
+                       samples=2, seen=0.01)
+    assert found.success == 0.0 and found.sampled[:, inside].max() > 1e-3  # a bad camera harms
 
 
 def test_it_stops_above_a_mouth_where_the_dlo_can_be_looked_at():

@@ -33,6 +33,7 @@ PLUG = FarEnd(toward((0, 0, 0.1), (-1, 0, 0)))
 CLIP = Clip(toward((0.12, 0.0, 0.1), (-1, -0.1, 0)), room=0.8e-3)
 FORK = Fork(toward((0.24, 0.03, 0.1), (-1, -0.2, 0)), room=0.8e-3, slip=0.05)
 FITTINGS = CLIP, FORK
+NO_LOOKS = np.zeros((1, 2, 0, 2))
 CAUSES = ('bending_stiffness', 'torsional_stiffness', 'mass', 'mass_gradient', 'length',
           'natural_curvature', 'curvature_variation', 'gripper_rotation', 'gripper_position')
 
@@ -139,7 +140,8 @@ def test_errors_that_a_stiff_hand_tears_at_a_compliant_one_takes():
     for stiffness in (np.inf, 500.0):
         uncertain = UncertainState(DIRECT.without_obstacles(), Uncertainty(length=1e-3), 1)
         (misses,), (rooms[stiffness],) = sampled(RouteWork(
-            uncertain, plan().shapes, FITTINGS, entries_of(plan(), FITTINGS), (), stiffness, draws))
+            uncertain, plan().shapes, FITTINGS, entries_of(plan(), FITTINGS), (), stiffness, draws,
+            NO_LOOKS))
         assert np.isfinite(misses).all() == (stiffness == 500.0)
     assert rooms[500.0] == np.inf  # nothing is around
 
@@ -149,7 +151,8 @@ def test_a_fitting_that_stands_aside_is_missed_by_as_much():
     draws = np.zeros((2, 4, 3))  # of the gripper, the far end, the clip, the fork; along y: aside
     draws[0, 2, 1] = draws[1, 3, 1] = 3e-4
     misses, _ = sampled(RouteWork(uncertain, plan().shapes, FITTINGS, entries_of(plan(), FITTINGS),
-                                  (), np.inf, draws))
+                                  (), np.inf, draws,
+                                  [*NO_LOOKS, *NO_LOOKS]))
     clip, fork = entry('clip 1'), entry('fork 2')
     np.testing.assert_allclose(misses[:, clip], [3e-4, 0], atol=1e-6)
     assert misses[1, fork] == pytest.approx(3e-4, rel=0.02)
