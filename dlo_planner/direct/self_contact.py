@@ -43,7 +43,7 @@ from dlo_planner.model.pose import Pose
 # Steps of Newton's method: until pairs are looked for anew, the same where none are near, and in
 # all, in steps of a search: a DLO that falls winds itself up bit by bit
 _STEPS, _FREE, _MORE = 10, 100, 5
-# Of the sum of both radii: by how much strands that lie on each other among obstacles give at first,
+# Of the sum of both radii: by how much strands that lie on each other among obstacles give first,
 # under all loads on the DLO: springs that hardly give let a search that slides them go to and fro
 _PRESSED = 0.02
 _ROUGH = 1e-3      # residual: with a larger one the forces are those of a shape that is none
@@ -56,8 +56,8 @@ _STUCK = 1e-8      # of the length: what bears on itself and moves by less is st
 # Strands that are nearer than this part of the sum of both radii are thin at first, and grow:
 # each time to so many times their thickness, and by this part of their radius more
 _SHALLOW, _GROWTH, _LEAST = 0.9, 1.2, 0.02
-# Of the larger radius, and of the longest element: pairs as near as that beyond both radii are looked
-# at. A strand that slides off the end of an element comes to the next one, which has to be known
+# Of the larger radius, and of the longest element: pairs as near as that beyond both radii are
+# looked at. What slides off the end of an element comes to the next one, which has to be known
 _WATCHED, _BESIDE = 0.5, 1.0
 _FALLEN = 1.5      # rad: what bends or twists by more in a step, in all, may have fallen
 _EXACT = 1e-7      # of the length: depths aimed at
