@@ -15,6 +15,7 @@ change nothing.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,6 +43,9 @@ from dlo_planner.model.pose import Pose
 # Steps of Newton's method: until pairs are looked for anew, the same where none are near, and in
 # all, in steps of a search: a DLO that falls winds itself up bit by bit
 _STEPS, _FREE, _MORE = 10, 100, 5
+# Of the sum of both radii: by how much strands that lie on each other among obstacles give first,
+# under all loads on the DLO: springs that hardly give let a search that slides them go to and fro
+_PRESSED = 0.02
 _ROUGH = 1e-3      # residual: with a larger one the forces are those of a shape that is none
 # Where new forces leave to the springs more than this part of what these bore before, springs
 # become so many times as stiff, at most so many times as stiff as at first (Nocedal and Wright,
@@ -52,7 +56,9 @@ _STUCK = 1e-8      # of the length: what bears on itself and moves by less is st
 # Strands that are nearer than this part of the sum of both radii are thin at first, and grow:
 # each time to so many times their thickness, and by this part of their radius more
 _SHALLOW, _GROWTH, _LEAST = 0.9, 1.2, 0.02
-_WATCHED = 0.5     # of the larger radius: pairs as near as that beyond both radii are looked at
+# Of the larger radius, and of the longest element: pairs as near as that beyond both radii are
+# looked at. What slides off the end of an element comes to the next one, which has to be known
+_WATCHED, _BESIDE = 0.5, 1.0
 _FALLEN = 1.5      # rad: what bends or twists by more in a step, in all, may have fallen
 _EXACT = 1e-7      # of the length: depths aimed at
 # Of the radius: by how much springs of friction give at most before it slides, if they are not as
@@ -95,62 +101,83 @@ def rays_behind(gripper: Pose, holds: Holds, length: float) -> Floats:
     return length * np.array([gripper.rotation[:, 0], holds[-1].pose.rotation[:, 0]])
 
 
-def kept_apart(mesh: Discretization, memory: Memory, system: Problem, strains: Floats, how: Search,
-               solved: Callable[[Problem, Floats, Search], Solution]) -> Solution:
-    """Return the Solution in which no strand is in another.
+class Step(NamedTuple):
+    """A step of a DLO that may touch itself, in its grips and among its obstacles."""
 
-    Its Strands are those that are near; `memory` is what the step begins with. `solved` returns the
-    Solution that a Search reaches from strains (N, 3). Where strands are deep in each other at
-    first, as of a DLO that is set down, they are thin and grow.
+    mesh: Discretization
+    memory: Memory  # what it begins with
+    # the Problem without Strands, whose contacts and holds have the forces of a Memory
+    system_of: Callable[[Memory], Problem]
+    # the Solution that a Search reaches from strains (N, 3)
+    solved: Callable[[Problem, Floats, Search], Solution]
+    after: Callable[[Solution], Memory]  # what a Solution leaves
+
+    def going_on(self, end: Solution) -> Problem:
+        """Return the Problem with the forces at a Solution, friction counted from the beginning."""
+        return self.system_of(self.memory.under(self.after(end)))
+
+
+def kept_apart(step: Step, strains: Floats, how: Search) -> Solution:
+    """Return the Solution in which no strand is in another, found from strains (N, 3).
+
+    Its Strands are those that are near. Where strands are deep in each other at first, as of a DLO
+    that is set down, they are thin and grow.
     """
+    mesh, memory, system = step.mesh, step.memory, step.system_of(step.memory)
     pairs = _pairs_at(mesh, system, strains)
     known = {(i, j): force for (i, j), force in zip(
         mesh.pairs_at(memory.strands).tolist(), memory.strands[:, 2].tolist(), strict=True)}
     thick = min([1.0, *(distance / reach for distance, reach in pairs)])
     while thick < _SHALLOW:
-        end = _kept_apart(mesh, mesh.radii * thick, {}, None, system, strains,
-                          how._replace(check=False), solved)
+        end = _kept_apart(step, mesh.radii * thick, {}, False, strains, how._replace(check=False))
         if not end.residual < np.inf:
             break  # as thick as it is it may be found all the same
         strains, thick = end.strains, min(_GROWTH * thick + _LEAST, 1.0)
-    return _kept_apart(mesh, mesh.radii, known, memory if mesh.rubs_itself else None, system,
-                       strains, how, solved)
+    return _kept_apart(step, mesh.radii, known, mesh.rubs_itself, strains, how)
 
 
 Forces = dict[tuple[int, int], float]  # N, of pairs
 
 
-def _kept_apart(mesh: Discretization, radii: Floats, known: Forces, memory: Memory | None,
-                system: Problem, strains: Floats, how: Search,
-                solved: Callable[[Problem, Floats, Search], Solution]) -> Solution:
+def _kept_apart(step: Step, radii: Floats, known: Forces, rubs: bool, strains: Floats,
+                how: Search) -> Solution:
     """Return what `kept_apart` does of strands with these radii (N,) and known forces.
 
-    They rub on each other where there is a `memory` of the shape before.
+    `rubs`: whether they rub on each other.
     """
-    lengths, rays, spring = mesh.free.lengths, system.rays, mesh.pair_spring
+    mesh, memory, system = step.mesh, step.memory, step.system_of(step.memory)
+    lengths, rays, spring = mesh.free.lengths, system.rays, _first_spring(mesh, known)
     positions = _places(system, strains)
-    length, left, check, iterations, kicks = float(mesh.s[-1]), np.inf, False, 0, 0
-    firm, crept = _SOFT, 0
+    length, left, rests, iterations, kicks = float(mesh.s[-1]), np.inf, False, 0, 0
+    firm, crept, in_vain, end = _SOFT, 0, False, None
     while True:
         strands = _near(lengths, strains, rays, positions, radii, known, spring)
-        if memory is not None:
+        if end is not None and in_vain and np.array_equal(strands.pair, end.strands.pair):
+            if spring >= mesh.pair_spring or not len(strands.pair):
+                return end
+            # (it may be that strands have gone too deep into each other)
+            spring = mesh.pair_spring
+            strands = strands._replace(pair_spring=spring)
+        if rubs:
             strands = _rubbing(mesh, memory, system, strains, strands, known, firm)
         steps = _STEPS if len(strands.pair) else _FREE
         if mesh.obstructed:
             steps = how.steps
-        begun = iterations
-        end = solved(system._replace(strands=strands), strains,
-                     how._replace(steps=steps, check=check))
+        # (the saddles that a DLO leaves before its strands bear what they do are no saddles)
+        begun, check = iterations, how.check and (rests or len(strands.pair) == 0)
+        end = step.solved(system._replace(strands=strands), strains,
+                          how._replace(steps=steps, check=check))
         iterations, kicks = iterations + end.iterations, kicks + end.kicks
         end = end._replace(iterations=iterations, kicks=kicks, strands=strands)
         moved = float(np.abs(end.positions - positions).max())
         strains, positions = end.strains, end.positions
         borne, off = _borne(lengths, positions, strands)
         lawful = True
-        if memory is not None:
+        if rubs and len(strands.pair):
             end, lawful = _obeyed(mesh, memory, system, end, strands, borne)
             lawful = lawful and firm == 1.0
         if end.residual < _ROUGH:  # else forces are those of a shape that is none
+            system = step.going_on(end)
             if off > max(_SLOWLY * left, _EXACT * length):
                 spring = min(_STIFFER * spring, _STIFFEST * mesh.pair_spring)
             known, left, firm = borne, off, min(_FIRMER * firm, 1.0)
@@ -160,14 +187,24 @@ def _kept_apart(mesh: Discretization, radii: Floats, known: Forces, memory: Memo
                 and all(tuple(pair) in watched for pair in inside.tolist())):
             if check or not how.check:
                 return end
-            check = True
+            rests = True
             continue
+        # (among obstacles a search has been as thorough as it can be)
+        in_vain = mesh.obstructed and not end.residual < _ROUGH
         creeps = moved < (_STUCK if len(strands.pair) else _CREEPS) * length
-        made = iterations if memory is None else iterations - begun
+        made = iterations - begun if rubs else iterations
         crept = crept + 1 if creeps and made >= 0.5 * steps else 0
         if (iterations >= _MORE * how.steps or not end.residual < np.inf
-                or crept > (0 if memory is None else _PATIENCE)):
+                or crept > (_PATIENCE if rubs else 0)):
             return end
+
+
+def _first_spring(mesh: Discretization, known: Forces) -> float:
+    """Return the spring in N/m of pairs to begin with; forces that are `known` press, too."""
+    if not mesh.obstructed:
+        return mesh.pair_spring
+    loads = max(float(np.abs(mesh.free.load.pull).sum()), *known.values(), 0.0)
+    return min(mesh.pair_spring, loads / (_PRESSED * 2.0 * float(mesh.radii.min())))
 
 
 def _places(system: Problem, strains: Floats) -> Floats:
@@ -189,7 +226,8 @@ def _pairs_at(mesh: Discretization, system: Problem,
 def _near(lengths: Floats, strains: Floats, rays: Floats, positions: Floats, radii: Floats,
           known: Forces, spring: float) -> Strands:
     """Return the Strands of pairs that are near, with the normal forces that are known."""
-    pairs = _pairs(lengths, strains, rays, positions, radii, _WATCHED * float(radii.max()))
+    gap = max(_WATCHED * float(radii.max()), _BESIDE * float(lengths.max()))
+    pairs = _pairs(lengths, strains, rays, positions, radii, gap)
     forces = np.array([known.get((i, j), 0.0) for i, j in pairs.tolist()])
     return smooth_strands(pairs, forces, _reaches(radii, pairs), radii, rays, spring)
 

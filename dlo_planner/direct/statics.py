@@ -726,12 +726,16 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
     if memory is not None and not culled:
         places, tangents = read_only(memory.positions), read_only(memory.tangents)
     if mesh.touches_itself:
-        from dlo_planner.direct.self_contact import kept_apart, rays_behind  # noqa: PLC0415  (few DLOs need it)
+        from dlo_planner.direct.self_contact import Step, kept_apart, rays_behind  # noqa: PLC0415  (few DLOs need it)
         rays = rays_behind(gripper, holds, mesh.s.item(-1))
         if full is not None:
             full = full._replace(rays=rays)
     if mesh.touches_itself and not culled:
-        system = mesh.system(gripper.rotation, gripper.position, memory, holds)._replace(rays=rays)
+        past = memory or mesh.start
+
+        def system_of(memory: Memory) -> Problem:
+            system: Problem = mesh.system(gripper.rotation, gripper.position, memory, holds)
+            return system._replace(rays=rays)
 
         def solved(system: Problem, strains: Floats, how: Search) -> Solution:
             return _uninterrupted(solve_step(
@@ -739,7 +743,10 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
                 tangents, frames, rotation, nodes, most, how.tolerance, exact, how.steps, how.check,
                 how.near))
 
-        return kept_apart(mesh, memory or mesh.start, system, strains, how, solved)
+        def after(end: Solution) -> Memory:
+            return memory_after(mesh, end, past, False)
+
+        return kept_apart(Step(mesh, past, system_of, solved, after), strains, how)
     base, origin, strains = gripper.rotation, gripper.position, read_only(strains)
     if holds or not culled:
         system, *left = mesh.placing(origin, memory or mesh.start, holds, culled, not how.near)

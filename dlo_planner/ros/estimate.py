@@ -152,6 +152,7 @@ class Estimator(Part):
     def _observing_of(self, state: State) -> DloEstimator | None:
         """Return the DloEstimator of the DLO as it is stated; None where nothing is uncertain."""
         scene = state.scene
+        scene.refuse_self_contact('an estimate')
         known, observing, resets = self._at
         kept = state.executing and state.looking is not None  # by the closed loop
         if known is None or not kept and (

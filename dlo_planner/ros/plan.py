@@ -230,6 +230,7 @@ class PlanningServer(Part):
         """Plan, publish and return the trajectory of the tool frame as a Path."""
         self.store.change(lambda now: replace(now, task=task))
         begun, askers = monotonic(), self.askers()
+        state.scene.refuse_self_contact(f'the plan of a {type(task).__name__}')
         if state.scene.grasped is None and task.held_inside:
             raise Refused(Cause.INVALID_PARAMETER, 'parameter rod.grasped_at = 0: expected '
                           f'{task.held_inside:g}, where the task says that the gripper holds the '

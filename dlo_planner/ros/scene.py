@@ -13,6 +13,7 @@ import numpy as np
 from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, InvalidTask
+from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Guards
 from dlo_planner.identify.estimator import EstimatorConfig
 from dlo_planner.inverse.simulator import InverseSimulator
@@ -76,8 +77,10 @@ class Scene:
             solids[body.role].append(replace(body.obstacle, friction=friction,
                                              name=body_name(key)))
         direct = direct_of(values, solids['all'])
+        planned = direct_of({**values, 'simulator.self_contact': False,
+                             'simulator.self_friction': 0.0}, solids['all'])
         return cls(values, standing, bodies, direct,
-                   inverse_of(values, direct, solids['workspace only']),
+                   inverse_of(values, planned, solids['workspace only']),
                    grasped_of(values, direct),
                    Pose(values['tool.position'], values['tool.orientation']),
                    _OPEN(values['task'], 'parameter task'), limits_of(values),
@@ -90,6 +93,13 @@ class Scene:
     def observed(self) -> DirectSimulator:
         """The simulator of what is estimated: of the part in front where it is grasped inside."""
         return self.direct if self.grasped is None else self.grasped.parts[1]
+
+    def refuse_self_contact(self, what: str) -> None:
+        """Raise Refused where strands keep each other off, of which `what` knows nothing."""
+        if self['simulator.self_contact']:
+            raise Refused(Cause.INVALID_PARAMETER, 'parameter simulator.self_contact = True: '
+                          f'expected False for {what}, which knows of no contact of the DLO with '
+                          'itself')
 
     @property
     def frame_id(self) -> str:
@@ -181,6 +191,10 @@ def _judge(values: Mapping[str, Any]) -> None:
     if values['rod.grasped_at'] and values['far_end.hold'] != 'free':
         raise InvalidTask(f'parameter far_end.hold = {values["far_end.hold"]!r}: expected free, '
                           'rod.grasped_at says that both ends are')
+    if values['rod.grasped_at'] and values['simulator.self_contact']:
+        raise InvalidTask('parameter simulator.self_contact = True: expected False, both parts of '
+                          'a DLO that is grasped inside, as rod.grasped_at says, do not know each '
+                          'other')
     bounded('tool.position', values['tool.position'], values['workspace.reach'], 'm')
 
 

@@ -111,7 +111,8 @@ def _described(values: Values) -> tuple[Rod, dict[str, Any]]:
             options['n_terms'] = values['simulator.n_terms']
     loads = [PointLoad(force, s=s) for s, *force in _rows(values, 'rod.point_loads', 4)]
     return rod, {'basis': values['simulator.basis'], 'gravity': values['gravity'],
-                 'point_loads': loads, **options}
+                 'point_loads': loads, 'self_contact': values['simulator.self_contact'],
+                 'self_friction': values['simulator.self_friction'], **options}
 
 
 def inverse_of(values: Values, direct: DirectSimulator,

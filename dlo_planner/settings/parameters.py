@@ -93,6 +93,11 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'simulator.n_elements': (64, 'Elements (unused with an accuracy).', 2, 2_000),
     'simulator.n_terms': (10, 'Terms of the series (unused by local and with an '
                               'accuracy).', 1, 200),
+    'simulator.self_contact': (False, 'Whether strands of the DLO keep each other off in predicted '
+                                      'shapes, of a round and elastic one; plans and estimates '
+                                      'refuse it.'),
+    'simulator.self_friction': (0.0, 'Coefficient of friction between strands, with '
+                                     'simulator.self_contact.', 0.0, 10.0),
     'simulator.accuracy': (0.0, 'Wanted accuracy, m, 1e-6 of the length at least; 0 = use '
                                 'n_elements and n_terms.', 0.0, 1.0),
     'tool.position': ([0.0, 0.0, 0.0], 'Where the DLO leaves the gripper, in the tool frame that '

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
@@ -250,6 +251,49 @@ def test_a_coil_that_is_let_down_on_a_floor_lies_on_itself(friction):
     moments = inside.at_nodes(shape.s)[1]
     wanted = shape.bent * np.array([0.8 * EI, EI, EI])
     assert np.abs(0.5 * (moments[1:] + moments[:-1]) - wanted).max() < 0.05 * np.abs(wanted).max()
+
+
+def crossing():
+    """Return gripper poses that lay the end of a cable across the rest of it, on a floor.
+
+    Its end is led around by three quarters of a circle, over what lies there, let down, and on.
+    """
+    ways = [(0.0, 0.0, z, 0.0) for z in (0.1, 0.03)]
+    ways += [(x, 0.0, 0.03, 0.0) for x in (0.1, 0.22)]
+    turns = -np.radians(np.arange(15, 271, 15))
+    ways += [(0.22 + 0.12 * np.sin(a), 0.12 - 0.12 * np.cos(a), 0.03, a) for a in turns]
+    ways += [(0.34, y, 0.03, turns[-1]) for y in (0.08, 0.04, 0.0, -0.04)]
+    ways += [(0.34, -0.04 - 0.01 * k, 0.03 - 0.0055 * k, turns[-1]) for k in range(1, 5)]
+    ways += [(0.34, y, 0.008, turns[-1]) for y in (-0.12, -0.16, -0.2, -0.23, -0.26)]
+    return [Pose.looking_along(way[:3], (np.cos(way[3]), np.sin(way[3]), 0)) for way in ways]
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.3])
+def test_a_cable_whose_end_is_laid_across_it_lies_on_itself(friction):
+    cable = Rod(length=1.0, mass_per_length=0.035, bending_stiffness=EI,
+                torsional_stiffness=0.8 * EI, radius=0.0025)
+    one = DirectSimulator(cable, basis='local', n_elements=48, self_contact=True,
+                          self_friction=friction,
+                          obstacles=(Plane((0, 0, 0), (0, 0, 1), friction=0.5),))
+    shapes = one.track(crossing())
+    assert all(shape.converged and shape.passed_itself is False for shape in shapes)
+    for shape in shapes[-3:]:
+        (touch,) = shape.self_contacts
+        # what lies across is borne by what it lies on, and this by the floor
+        assert touch.normal[2] > 0.9
+        below = [c.force for c in shape.contacts if abs(c.s - touch.other_s) < 0.06]
+        assert sum(below) > touch.force > 0.05
+        assert np.linalg.norm(touch.friction) <= friction * touch.force * (1 + 1e-6)
+        assert shape.section_forces.imbalance < 1e-6 * 0.035 * 9.81
+        s = np.linspace(0.0, 1.0, 2001)
+        places = shape.positions_at(s)
+        apart = cdist(places[np.abs(s - touch.s) < 0.04], places[np.abs(s - touch.other_s) < 0.04])
+        # (strands are the chords of their elements, which leave the axis by this)
+        chord = 0.125 * np.linalg.norm(shape.element_strains[:, 1:], axis=1).max() / 48**2
+        assert apart.min() == pytest.approx(0.005, abs=2 * chord)
+        # springs bear little at first, and a strand may come to the next element: then a search
+        # among obstacles goes on where the one before has ended
+        assert shape.iterations < 400
 
 
 @pytest.fixture(scope='module')

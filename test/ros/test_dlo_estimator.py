@@ -20,6 +20,7 @@ from dlo_planner import (
     Trajectory,
     Uncertainty,
 )
+from dlo_planner.execute.causes import Refused
 from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig, Swing, motion_at
 from dlo_planner.ros.estimate import _said, estimate_summary, in_front, observing_of
 from dlo_planner.ros.scene import Scene
@@ -401,3 +402,11 @@ def test_of_a_dlo_that_is_grasped_inside_the_front_is_estimated(rng):
     assert abs(s[len(points) - len(kept)] - 0.4) < 0.03  # in their order: the rest is behind
     assert in_front(None, points) is points
     assert in_front(scene.direct.solve(START), points) is points
+
+
+def test_what_knows_of_no_contact_with_itself_is_refused():
+    Scene.of(parameters(**COPPER)).refuse_self_contact('a plan')
+    scene = Scene.of(parameters(**COPPER, **{'simulator.self_contact': True}))
+    assert scene.direct.surroundings.self_contact
+    with pytest.raises(Refused, match=r'simulator\.self_contact = True: expected False for a plan'):
+        scene.refuse_self_contact('a plan')

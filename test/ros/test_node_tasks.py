@@ -445,6 +445,38 @@ def test_what_loads_the_dlo_is_stated_by_parameters(inside, node, values, simula
         assert at_once(inside, **before).successful
 
 
+def test_a_dlo_that_touches_itself_is_predicted_and_not_planned_for(inside, node, tell):
+    coil = {'rod__section': 'stiffness', 'rod__length': 0.6, 'rod__diameter': 0.012,
+            'rod__mass_per_length': 0.035, 'rod__bending_stiffness': [1.2e-3, 1.2e-3],
+            'rod__torsional_stiffness': 0.96e-3, 'rod__natural_curvature': [26.2, 0.0],
+            'simulator__basis': 'local', 'simulator__n_elements': 48,
+            'simulator__self_contact': True, 'simulator__self_friction': 0.2}
+    before = {name: state(node).scene.values[name.replace('__', '.')] for name in coil}
+    assert at_once(inside, **coil).successful
+    try:
+        inside.trigger('reset')
+        inside.shape_for(HERE)
+        assert until(lambda: state(node).shape is not None)
+        shape = state(node).shape
+        assert shape.self_contacts
+        assert not shape.lies_in_itself
+        code, message, _ = tell(Thread(HOLES[0], DEPTHS))
+        assert code == Cause.INVALID_PARAMETER
+        assert 'simulator.self_contact = True: expected False for the plan of a Thread' in message
+        code, message, _ = inside.trigger('identify') and inside.status_of('identify')
+        assert code == Cause.INVALID_PARAMETER
+        assert 'simulator.self_contact = True: expected False for an estimate' in message
+        refused = at_once(inside, rod__grasped_at=0.4)
+        assert not refused.successful
+        assert 'simulator.self_contact = True: expected False' in refused.reason
+        refused = at_once(inside, simulator__self_contact=False)
+        assert not refused.successful
+        assert 'self_friction = 0.2: expected 0 without self_contact' in refused.reason
+    finally:
+        assert at_once(inside, **before).successful
+        inside.trigger('reset')
+
+
 def test_a_soft_wire_passes_a_level_hole_obliquely(inside, node, tell, capfd):
     measured = {'rod__section': 'stiffness', 'rod__length': 0.2, 'rod__diameter': 3e-3,
                 'rod__mass_per_length': 0.0174, 'rod__bending_stiffness': [1.22e-4, 1.22e-4],

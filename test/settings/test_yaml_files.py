@@ -212,6 +212,12 @@ def test_gravity_and_the_mesh_are_those_of_the_simulator():
     values |= {'simulator.accuracy': 1e-3}
     assert direct_of(values) == DirectSimulator(rod, gravity=(0, 1, -3), accuracy=1e-3,
                                                 basis='local')
+    values |= {'simulator.self_contact': True, 'simulator.self_friction': 0.3}
+    touching = direct_of(values)
+    assert touching == DirectSimulator(rod, gravity=(0, 1, -3), accuracy=1e-3, basis='local',
+                                       self_contact=True, self_friction=0.3)
+    with pytest.raises(InvalidTask, match=r'simulator\.self_contact = True: expected False: plans'):
+        inverse_of(values, touching)
 
 
 @pytest.mark.parametrize(('change', 'named'), [
