@@ -332,9 +332,10 @@ _LOOKS = 4           # places between two instants where the grips are looked at
 _CLOSE = 3           # halvings of a step that leads a grip into an obstacle, until it is the end
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
-_WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
+# Of what is allowed: a step of twice the length, with 8 times the error, or in contact twice the
+# way, may be tried
+_WELL_WITHIN = 0.6
 _CALM = 16           # steps that all were well within, before it is
-_OF_CONTACT = 3      # halvings for its error of a step since the DLO touched an obstacle
 _GAIN = 1e-3         # of the energy that has moved: what a motion may gain by rounding and errors
 
 
@@ -441,6 +442,8 @@ class _StepControl:
             batch = (batch._replace(refused=None) if len(batch.errors)
                      else self._try_longer_steps(batch, progress))
         if batch.refused is not None:
+            if len(batch.refused.row.contacts):  # a shorter step may end before it lands
+                self.now = replace(self.now, row=self.now.row._replace(after_impact=True))
             self.stuck = last_try
             self._level, self._calm = min(level + 1, HALVINGS), 0
         elif level and self._calm >= _CALM and self._at % (2 << (HALVINGS - level)) == 0:
@@ -455,7 +458,7 @@ class _StepControl:
         ends elsewhere, may be found by many.
         """
         left = (1 << HALVINGS) - self._at % (1 << HALVINGS)  # until the next instant
-        for level in range(HALVINGS - 1, _OF_CONTACT - 1, -1):
+        for level in range(HALVINGS - 1, -1, -1):
             if 1 << (HALVINGS - level) > left:
                 break
             progress.check()
@@ -473,10 +476,12 @@ class _StepControl:
             fresh = stepper.resized(now, scheme.dt)
             if credit_renewal(budget, fresh.balance, self._began, self._noise):
                 now = fresh
+        last = level == HALVINGS or self._fixed
         limits = Acceptance(
             MAX_ITERATIONS if patient else _PATIENCE,
-            np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance, _GAIN,
-            np.inf if self._fixed else self._noise, budget, level >= _OF_CONTACT, self._began)
+            np.inf if last else _PART * plan.tolerance, _GAIN,
+            np.inf if self._fixed else self._noise, budget,
+            np.inf if last else plan.tolerance, self._began)
         size = 1 << (HALVINGS - level)
         count = min(most, self._length(size))
         places = (self._at + size * np.arange(1, count + 1)) / (1 << HALVINGS)
@@ -488,7 +493,8 @@ class _StepControl:
             self._steps += [level] * made
             self._errors += batch.errors.tolist()
             self._samples.append(batch.samples)
-        rough = np.flatnonzero(8 * batch.errors >= _WELL_WITHIN * _PART * plan.tolerance)
+        rough = np.flatnonzero((8 * batch.errors >= _WELL_WITHIN * _PART * plan.tolerance)
+                               & (2 * batch.ways >= _WELL_WITHIN * plan.tolerance))
         self._calm = made - 1 - int(rough[-1]) if rough.size else self._calm + made
         return batch
 

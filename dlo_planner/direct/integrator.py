@@ -64,7 +64,7 @@ from dlo_planner.minimize.newton import (
 )
 from dlo_planner.minimize.solve import (
     is_equilibrium,
-    obstructed_minimum,
+    moved_minimum,
     outcome,
     placed,
     with_set,
@@ -121,7 +121,8 @@ class StepOptions(Record):
     gain: float       # part of the energy that has moved which may be gained,
     noise: float      # and J in addition
     began: float      # J, energy balance when the motion began
-    any_error: bool   # whether a step may have any local error where the DLO bears on an obstacle
+    way: float        # m, of the fastest node: a step that is no longer may have any local error
+                      # where the DLO bears on an obstacle, or has
     follows: bool     # whether steps are short enough to follow vibrations
 
 
@@ -226,7 +227,7 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
             if left > 0:
                 credit_renewal(trial, _balance(buffer.energies[row]), options.began, options.noise)
             good = buffer.converged[row] and is_good(buffer, row, trial, options)
-            if good or not options.any_error:  # a shorter step may be good
+            if good or way_of(buffer.nodes[0], row) > options.way:  # a shorter step may be good
                 budget[:] = trial if good else budget
                 return
     buffer.impulsive[row] = 1
@@ -279,13 +280,26 @@ def is_good(buffer, row, budget, options):
 def _is_exact(buffer, row, options):
     """Whether the local error of a step is small enough.
 
-    Where the DLO bears it may be any, and until it is small for the first time after that (which is
-    entered in the row).
+    Where the DLO bears, and until it is small for the first time after that (which is entered in
+    the row), it may be any in a step of a short way: an impact is no more than a step early or
+    late, and places are wrong by that way at most. No smooth course tells of that.
     """
     exact = buffer.proofs[row, 2] <= options.error
     buffer.after_impact[row] = _bears(buffer, row) or buffer.impulsive[row] > 0 or (
         buffer.after_impact[row - 1] and not exact)
-    return exact or options.any_error and buffer.after_impact[row]
+    return exact or buffer.after_impact[row] and way_of(buffer.nodes[0], row) <= options.way
+
+
+@kernel
+def way_of(places: Floats, row: int) -> float:
+    """Return the way of the fastest node in the step to a row, m."""
+    longest = 0.0
+    for k in range(places.shape[1]):
+        square = 0.0
+        for i in range(3):
+            square += (places[row, k, i] - places[row - 1, k, i]) ** 2
+        longest = max(longest, square)
+    return np.sqrt(longest)
 
 
 @kernel
@@ -545,9 +559,9 @@ def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
                                                                               state):
             return state, residual, stability, iterations, problem, missed
         _take_back(problem.effects.hold, buffer, memory)
-    state, residual, stability, iterations, _, loaded, violation = obstructed_minimum(
-        problem, q, options.tolerance, options.ctol, options.maxiter, check,
-        buffer.nodes[0, memory], buffer.frames[memory, :, :, 0])
+    _, state, residual, stability, iterations, loaded, violation = moved_minimum(
+        problem, q, options.tolerance, options.ctol, check, buffer.nodes[0, memory],
+        buffer.frames[memory, :, :, 0])
     return state, residual, stability, iterations, loaded, violation
 
 
