@@ -332,8 +332,9 @@ _LOOKS = 4           # places between two instants where the grips are looked at
 _CLOSE = 3           # halvings of a step that leads a grip into an obstacle, until it is the end
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
-# Of what is allowed: a step of twice the length, with 8 times the error, or in contact twice the
-# way, may be tried
+_IMPACT = 1 / 4      # of the tolerance: by how much a step may misplace what lands in it
+# Of what is allowed: a step of twice the length, with 8 times the error, may be tried; in contact
+# one by which nodes are misplaced 4 times as far, as by what is no impact
 _WELL_WITHIN = 0.6
 _CALM = 16           # steps that all were well within, before it is
 _GAIN = 1e-3         # of the energy that has moved: what a motion may gain by rounding and errors
@@ -481,7 +482,7 @@ class _StepControl:
             MAX_ITERATIONS if patient else _PATIENCE,
             np.inf if last else _PART * plan.tolerance, _GAIN,
             np.inf if self._fixed else self._noise, budget,
-            np.inf if last else plan.tolerance, self._began)
+            np.inf if last else _IMPACT * plan.tolerance, self._began)
         size = 1 << (HALVINGS - level)
         count = min(most, self._length(size))
         places = (self._at + size * np.arange(1, count + 1)) / (1 << HALVINGS)
@@ -494,7 +495,7 @@ class _StepControl:
             self._errors += batch.errors.tolist()
             self._samples.append(batch.samples)
         rough = np.flatnonzero((8 * batch.errors >= _WELL_WITHIN * _PART * plan.tolerance)
-                               & (2 * batch.ways >= _WELL_WITHIN * plan.tolerance))
+                               & (4 * batch.misplaced >= _WELL_WITHIN * _IMPACT * plan.tolerance))
         self._calm = made - 1 - int(rough[-1]) if rough.size else self._calm + made
         return batch
 

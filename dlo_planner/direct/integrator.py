@@ -121,8 +121,8 @@ class StepOptions(Record):
     gain: float       # part of the energy that has moved which may be gained,
     noise: float      # and J in addition
     began: float      # J, energy balance when the motion began
-    way: float        # m, of the fastest node: a step that is no longer may have any local error
-                      # where the DLO bears on an obstacle, or has
+    misplaced: float  # m, by which nodes may be `misplaced` in a step of any local error where the
+                      # DLO bears on an obstacle, or has
     follows: bool     # whether steps are short enough to follow vibrations
 
 
@@ -227,7 +227,8 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
             if left > 0:
                 credit_renewal(trial, _balance(buffer.energies[row]), options.began, options.noise)
             good = buffer.converged[row] and is_good(buffer, row, trial, options)
-            if good or way_of(buffer.nodes[0], row) > options.way:  # a shorter step may be good
+            if good or misplaced(buffer.times, buffer.nodes[1], row) > options.misplaced:
+                # (a shorter step may be good)
                 budget[:] = trial if good else budget
                 return
     buffer.impulsive[row] = 1
@@ -281,25 +282,26 @@ def _is_exact(buffer, row, options):
     """Whether the local error of a step is small enough.
 
     Where the DLO bears, and until it is small for the first time after that (which is entered in
-    the row), it may be any in a step of a short way: an impact is no more than a step early or
-    late, and places are wrong by that way at most. No smooth course tells of that.
+    the row), it may be any where nodes are misplaced by little: an impact comes no more than a step
+    early or late, and no smooth course tells how wrong places are for that.
     """
     exact = buffer.proofs[row, 2] <= options.error
     buffer.after_impact[row] = _bears(buffer, row) or buffer.impulsive[row] > 0 or (
         buffer.after_impact[row - 1] and not exact)
-    return exact or buffer.after_impact[row] and way_of(buffer.nodes[0], row) <= options.way
+    return exact or (buffer.after_impact[row]
+                     and misplaced(buffer.times, buffer.nodes[1], row) <= options.misplaced)
 
 
 @kernel
-def way_of(places: Floats, row: int) -> float:
-    """Return the way of the fastest node in the step to a row, m."""
-    longest = 0.0
-    for k in range(places.shape[1]):
+def misplaced(times: Floats, velocities: Floats, row: int) -> float:
+    """Return how far a node is misplaced, m, that gets its velocity in a row up to a step late."""
+    largest = 0.0
+    for k in range(velocities.shape[1]):
         square = 0.0
         for i in range(3):
-            square += (places[row, k, i] - places[row - 1, k, i]) ** 2
-        longest = max(longest, square)
-    return np.sqrt(longest)
+            square += (velocities[row, k, i] - velocities[row - 1, k, i]) ** 2
+        largest = max(largest, square)
+    return (times[row] - times[row - 1]) * np.sqrt(largest)
 
 
 @kernel
