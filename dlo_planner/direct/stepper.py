@@ -196,6 +196,7 @@ class Acceptance(NamedTuple):
     noise: float = np.inf           # and J in addition
     budget: Floats = np.zeros(5)    # as of `integrate`
     misplaced: float = 0.0  # m, see `integrator.misplaced`: up to that any error is good in contact
+    damps: bool = False             # whether steps are short enough for implicit Euler's
     began: float = 0.0              # J, balance when the motion began
 
 
@@ -460,7 +461,8 @@ class Stepper:
             TOLERANCE + rounding, rounding, float(exact * mesh.s[-1]), float(KEPT * mesh.s[-1]),
             limits.patience, self.nearby,
             mesh.held_spring if self.grips.kinds else mesh.spring, *self._held,
-            float(limits.error), limits.part, limits.noise, limits.began, float(limits.misplaced),
+            float(limits.error), limits.part, limits.noise, limits.damps, limits.began,
+            float(limits.misplaced),
             scheme.dt < _FOLLOWED * self.own_time)
 
     @cached_property

@@ -216,6 +216,7 @@ def _springs_in(spring):
 
 @kernel(forceinline=True)
 def plus_springs(a, b):
+    """Return the sum of two springs."""
     return added(a[0], b[0]), added(a[1], b[1]), added(a[2], b[2])
 
 

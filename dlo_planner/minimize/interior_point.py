@@ -229,7 +229,7 @@ def add_loads(system, hessian, rows, force, right):
 
 @kernel
 def _put_springs(system, hessian, given, rows, spring):
-    """Fill the Hessian with springs (A, 3, 3) of contacts on top of the blocks `given`, see `Blocks`.
+    """Fill the Hessian with springs (A, 3, 3) of contacts on top of Blocks `given`.
 
     One sweep from the free end: geometry, and all else that acts, is as it was assembled.
     """

@@ -485,7 +485,8 @@ def test_a_dlo_that_has_bounced_moves_freely_again():
     touched = [bool(shape.contacts) for shape in motion.shapes]
     assert any(touched) and not any(touched[-15:])
     ours, true = (np.array([shape.positions for shape in one.shapes]) for one in (motion, fine))
-    assert np.abs(ours - true).max() < 1e-3
+    # (impacts are of first order: twice the tolerance, where the finer motion follows them)
+    assert np.abs(ours - true).max() < 2e-3
 
 
 def test_what_lands_between_two_nodes_is_noticed_at_once():
