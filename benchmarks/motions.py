@@ -7,8 +7,8 @@ python -m benchmarks.motions
 The paper's wire goes aside and down by 0.1 m and back: freely, over a floor that it does not
 touch, and onto floors. Both are timed in turns in one process, the motion alone: CPU time, the
 least of several. Errors are distances of nodes from what the own engine's meshes and steps lead to
-in the limit (ours 160 elements, tolerance 1e-5 m, 1e-4 m on the floor; MuJoCo's by Richardson from 40 and 80 pieces),
-and how far these limits are apart is said: contacts of MuJoCo are soft.
+in the limit (ours 160 elements, tolerance 1e-5 m, 1e-4 m on the floor; MuJoCo's by Richardson from
+40 and 80 pieces), and how far these limits are apart is said: contacts of MuJoCo are soft.
 
 The last row is a USB cable that hangs, is set down on a table by 0.15 m and drawn over it by 0.5 m
 in the same second, with friction 0.3: impacts and friction are of first order, so its limit here is
