@@ -190,8 +190,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
         many = _bearing(there.effects.contact.contacts) >= _MANY
         # (between few points what relaxation brings to rest only wants more of it; what falls does
         # not come to rest)
-        flows = may_flow and not tried and (many or system.basis.shape[1] == 0 and (
-            attempt >= (_SLIDES if rested else _TRIES)))
+        flows = may_flow and not tried and (many or system.basis.shape[1] == 0)
         # (what lies on many points hardly ever goes on bearing by the same ones, and to exchange
         # them one by one takes the time of many steps of the flow)
         if seeks and not on_a_way and not (flows and many):
