@@ -3,10 +3,11 @@
 """A DLO among obstacles comes to rest: in which order methods are tried, and what is judged.
 
 Shape and contact forces are sought at once (`minimize.semismooth`), near where the DLO is. Where
-that finds nothing, a DLO at rest that lies on something with several points follows its flow, in
-which all contact forces of a step are found at once (`minimize.quasi_static`). Where this finds
-nothing, or nothing has been touched yet, the DLO is brought nearer to rest first
-(`minimize.relaxation`), in a few stages; where few points bear, two of these come before the flow.
+that finds nothing, a DLO at rest that touches something follows its flow, in which all contact
+forces of a step are found at once (`minimize.quasi_static`); on many points it does so first. Where
+this finds nothing, or nothing has been touched yet, the DLO is brought nearer to rest
+(`minimize.relaxation`), in a few stages: it gives way more gradually, and where it buckles on few
+points comes to the side to which it is bent. A series follows its flow on many points alone.
 What is found is judged as any other minimum: the points that bear are those that `active_set`
 chooses, and the shape stands; else it leaves its saddle, and all begins anew. What is judged is the
 residual with the limits of friction: it has no potential.
@@ -90,8 +91,7 @@ _STIFF = 100.0
 # near (`_CLOSE`) is brought to rest exactly, with so many Newton steps.
 _RESTS, _RESTS_WELL, _MOST_FLOW, _MOST_FINER, _MOST_FALLS = 1e-6, 1e-9, 250, 30, 3
 _LEAVES, _CLOSE, _POLISH = 2.0, 1e-4, 6
-# Points that bear of a DLO that lies on something; attempts that are made before, where fewer do
-_MANY, _TRIES = 4, 2
+_MANY = 4  # points that bear of a DLO that lies on something
 # With fewer points that bear all are moved to where they are nearest, exactly; more share their
 # forces so that this finds nothing in half of the cases, and takes the time of their square
 _ROLLING = 12
@@ -171,7 +171,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
     length = np.sum(system.lengths)
     first = reaction_of(hold, row_count(system.needs.border))
     steps = kicks = attempt = 0
-    tried = rested = False
+    tried = False
     beside, saddle = np.empty_like(q), np.full_like(q, np.inf)
     seeks = bears(system.effects.contact.contacts)
     on_a_way, flow = exact > _ON_A_WAY * length, np.array([0.0, 1.0])
@@ -188,8 +188,6 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
     may_flow = not (on_a_way or past.shape[0] == 0 or moves_on and system.basis.shape[1] > 0)
     while max_iterations > 0:
         many = _bearing(there.effects.contact.contacts) >= _MANY
-        # (between few points what relaxation brings to rest only wants more of it; what falls does
-        # not come to rest)
         flows = may_flow and not tried and (many or system.basis.shape[1] == 0)
         # (what lies on many points hardly ever goes on bearing by the same ones, and to exchange
         # them one by one takes the time of many steps of the flow)
@@ -233,10 +231,10 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             if rests:
                 return state, residual, stability, steps, kicks + falls, loaded, violation
             set_reaction(hold, reaction)
-            kicks += stability == -np.inf  # it falls
+            kicks += many and stability == -np.inf  # it falls
             # (relaxation finds what has let go of a hand, and a series; a step of a motion can be
             # made in halves, which takes less than to relax)
-            if stability == -np.inf or many and moves_on:
+            if many and (stability == -np.inf or moves_on):
                 break
         there, begin, moves = _pressed_out(
             there, begin, length * (_STUCK if attempt > 0 else _DEEP), tolerance, exact,
@@ -248,7 +246,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             most = min(most, _MOST[attempt])
         there, begin, moves, previous = relax(there, begin, previous, attempt == _SLIDES, rough,
                                               most, flow)
-        steps, attempt, seeks, rested = steps + moves, attempt + 1, True, moves < most
+        steps, attempt, seeks = steps + moves, attempt + 1, True
         if on_a_way:
             break
     state = new_configuration(there)

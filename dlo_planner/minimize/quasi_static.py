@@ -13,7 +13,9 @@ the shift is chosen by that. No potential is asked: friction has none. It counts
 was before the gripper moved.
 
 All that is near an obstacle is a candidate for contact: nodes, and points inside elements that are
-nearer than these. A point stays where it is on the DLO during a step, and is chosen anew after it.
+nearer than these. A point stays where it is on the DLO during a step, and is chosen anew after it;
+one that bears alone rolls to where the DLO is nearest, which is as stiff as the DLO itself where it
+bends but little more than the obstacle. The step has the second derivative of that.
 """
 
 import numpy as np
@@ -330,7 +332,8 @@ def with_candidates(system, state, previous, near, whole, residual, turn):
     """Return the Problem whose contacts are all that is near: nodes, and points inside elements.
 
     With the forces of those that were known, and next to none of others. All that may rub has a
-    point of friction, whose force is a load.
+    point of friction, whose force is a load. A point that bears alone rolls, if nodes turn by no
+    more than `turn`, rad, in a step.
     """
     scene, old, lengths = (system.effects.contact.scene, system.effects.contact.contacts,
                            system.lengths)
