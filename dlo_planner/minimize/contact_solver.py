@@ -402,8 +402,10 @@ def _rests_well(there, q, given, previous, left, tolerance, exact, max_iteration
     length, hold = np.sum(there.lengths), there.effects.hold
     firm = with_bearing(there, q, given, length > 0.0)
     rests, state, residual, violation, steps = _polished(firm, q, tolerance, exact, _KEPT * length)
-    well = _KEPT if has_inertia(there.effects.anchor) else _KEPT_WELL  # it is gone soon
-    if not (rests and violation < well * length):
+    well = (_KEPT if has_inertia(there.effects.anchor) else _KEPT_WELL) * length  # it is gone soon
+    if _bearing(firm.effects.contact.contacts) < _MANY:
+        well = exact  # nothing but rounding errors stands against it
+    if not (rests and violation < well):
         flow[0], reaction = 0.0, reaction_of(hold, row_count(there.needs.border))
         there, q, moves, left, _ = settle(there, q, previous, _RESTS_WELL,
                                           min(_MOST_FINER, max_iterations), np.inf, flow)
