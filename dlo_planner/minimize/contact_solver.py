@@ -91,7 +91,9 @@ _STIFF = 100.0
 # near (`_CLOSE`) is brought to rest exactly, with so many Newton steps.
 _RESTS, _RESTS_WELL, _MOST_FLOW, _MOST_FINER, _MOST_FALLS = 1e-6, 1e-9, 250, 30, 3
 _LEAVES, _CLOSE, _POLISH = 2.0, 1e-4, 6
-_MANY = 4  # points that bear of a DLO that lies on something
+# Points that bear of a DLO that lies on something; attempts that are made before its flow, where
+# fewer do, of one that is held elsewhere as well
+_MANY, _TRIES = 4, 2
 # With fewer points that bear all are moved to where they are nearest, exactly; more share their
 # forces so that this finds nothing in half of the cases, and takes the time of their square
 _ROLLING = 12
@@ -185,10 +187,13 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
     # (a DLO that is set down has no way along which it could have rubbed; between few points a
     # series waves, and relaxation is as quick, as it is for a series that moves)
     moves_on = has_inertia(system.effects.anchor)
+    local, held = system.basis.shape[1] == 0, row_count(system.needs.border) > 0
     may_flow = not (on_a_way or past.shape[0] == 0 or moves_on and system.basis.shape[1] > 0)
     while max_iterations > 0:
         many = _bearing(there.effects.contact.contacts) >= _MANY
-        flows = may_flow and not tried and (many or system.basis.shape[1] == 0)
+        # (what hangs between grips goes on bearing where it does: relaxation ends in the same shape
+        # as shorter steps do, the flow with friction in another one, by a thousandth of its energy)
+        flows = may_flow and not tried and (many or local and attempt >= (_TRIES if held else 0))
         # (what lies on many points hardly ever goes on bearing by the same ones, and to exchange
         # them one by one takes the time of many steps of the flow)
         if seeks and not on_a_way and not (flows and many):
