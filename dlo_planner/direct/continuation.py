@@ -89,7 +89,7 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
     if goal.holds and have_rings(goal.holds):
         goal = goal._replace(holds=carried_on(goal.holds, previous.holds))
     way = _way(previous, goal)
-    lying = (len(previous.contacts) >= LYING and not last
+    lying = (len(previous.contacts) >= LYING and not goal.holds and not last
              and way.size > 2.0 * _SHORTEST_LYING and not _is_long(way, True, at_once))
     if lying:
         even, half, end = _evenly(solve, previous, goal)

@@ -236,10 +236,11 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             if rests:
                 return state, residual, stability, steps, kicks + falls, loaded, violation
             set_reaction(hold, reaction)
-            kicks += many and stability == -np.inf  # it falls
+            falls = (many or held) and stability == -np.inf
+            kicks += falls
             # (relaxation finds what has let go of a hand, and a series; a step of a motion can be
             # made in halves, which takes less than to relax)
-            if many and (stability == -np.inf or moves_on):
+            if falls or many and moves_on:
                 break
         there, begin, moves = _pressed_out(
             there, begin, length * (_STUCK if attempt > 0 else _DEEP), tolerance, exact,
