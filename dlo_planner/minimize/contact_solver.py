@@ -3,10 +3,11 @@
 """A DLO among obstacles comes to rest: in which order methods are tried, and what is judged.
 
 Shape and contact forces are sought at once (`minimize.semismooth`), near where the DLO is. Where
-that finds nothing, a DLO at rest that lies on something with several points follows its flow, in
-which all contact forces of a step are found at once (`minimize.quasi_static`). Where this finds
-nothing, or nothing has been touched yet, the DLO is brought nearer to rest first
-(`minimize.relaxation`), in a few stages; where few points bear, two of these come before the flow.
+that finds nothing, a DLO at rest that touches something follows its flow, in which all contact
+forces of a step are found at once (`minimize.quasi_static`); on many points it does so first. Where
+this finds nothing, or nothing has been touched yet, the DLO is brought nearer to rest
+(`minimize.relaxation`), in a few stages: it gives way more gradually, and where it buckles on few
+points comes to the side to which it is bent. A series follows its flow on many points alone.
 What is found is judged as any other minimum: the points that bear are those that `active_set`
 chooses, and the shape stands; else it leaves its saddle, and all begins anew. What is judged is the
 residual with the limits of friction: it has no potential.
@@ -90,7 +91,8 @@ _STIFF = 100.0
 # near (`_CLOSE`) is brought to rest exactly, with so many Newton steps.
 _RESTS, _RESTS_WELL, _MOST_FLOW, _MOST_FINER, _MOST_FALLS = 1e-6, 1e-9, 250, 30, 3
 _LEAVES, _CLOSE, _POLISH = 2.0, 1e-4, 6
-# Points that bear of a DLO that lies on something; attempts that are made before, where fewer do
+# Points that bear of a DLO that lies on something; attempts that are made before its flow, where
+# fewer do, of one that is held elsewhere as well
 _MANY, _TRIES = 4, 2
 # With fewer points that bear all are moved to where they are nearest, exactly; more share their
 # forces so that this finds nothing in half of the cases, and takes the time of their square
@@ -171,7 +173,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
     length = np.sum(system.lengths)
     first = reaction_of(hold, row_count(system.needs.border))
     steps = kicks = attempt = 0
-    tried = rested = False
+    tried = False
     beside, saddle = np.empty_like(q), np.full_like(q, np.inf)
     seeks = bears(system.effects.contact.contacts)
     on_a_way, flow = exact > _ON_A_WAY * length, np.array([0.0, 1.0])
@@ -185,13 +187,13 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
     # (a DLO that is set down has no way along which it could have rubbed; between few points a
     # series waves, and relaxation is as quick, as it is for a series that moves)
     moves_on = has_inertia(system.effects.anchor)
+    local, held = system.basis.shape[1] == 0, row_count(system.needs.border) > 0
     may_flow = not (on_a_way or past.shape[0] == 0 or moves_on and system.basis.shape[1] > 0)
     while max_iterations > 0:
         many = _bearing(there.effects.contact.contacts) >= _MANY
-        # (between few points what relaxation brings to rest only wants more of it; what falls does
-        # not come to rest)
-        flows = may_flow and not tried and (many or system.basis.shape[1] == 0 and (
-            attempt >= (_SLIDES if rested else _TRIES)))
+        # (what hangs between grips goes on bearing where it does: relaxation ends in the same shape
+        # as shorter steps do, the flow with friction in another one, by a thousandth of its energy)
+        flows = may_flow and not tried and (many or local and attempt >= (_TRIES if held else 0))
         # (what lies on many points hardly ever goes on bearing by the same ones, and to exchange
         # them one by one takes the time of many steps of the flow)
         if seeks and not on_a_way and not (flows and many):
@@ -234,10 +236,11 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             if rests:
                 return state, residual, stability, steps, kicks + falls, loaded, violation
             set_reaction(hold, reaction)
-            kicks += stability == -np.inf  # it falls
+            falls = (many or held) and stability == -np.inf
+            kicks += falls
             # (relaxation finds what has let go of a hand, and a series; a step of a motion can be
             # made in halves, which takes less than to relax)
-            if stability == -np.inf or many and moves_on:
+            if falls or many and moves_on:
                 break
         there, begin, moves = _pressed_out(
             there, begin, length * (_STUCK if attempt > 0 else _DEEP), tolerance, exact,
@@ -249,7 +252,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             most = min(most, _MOST[attempt])
         there, begin, moves, previous = relax(there, begin, previous, attempt == _SLIDES, rough,
                                               most, flow)
-        steps, attempt, seeks, rested = steps + moves, attempt + 1, True, moves < most
+        steps, attempt, seeks = steps + moves, attempt + 1, True
         if on_a_way:
             break
     state = new_configuration(there)
@@ -405,8 +408,10 @@ def _rests_well(there, q, given, previous, left, tolerance, exact, max_iteration
     length, hold = np.sum(there.lengths), there.effects.hold
     firm = with_bearing(there, q, given, length > 0.0)
     rests, state, residual, violation, steps = _polished(firm, q, tolerance, exact, _KEPT * length)
-    well = _KEPT if has_inertia(there.effects.anchor) else _KEPT_WELL  # it is gone soon
-    if not (rests and violation < well * length):
+    well = (_KEPT if has_inertia(there.effects.anchor) else _KEPT_WELL) * length  # it is gone soon
+    if _bearing(firm.effects.contact.contacts) < _MANY:
+        well = exact  # nothing but rounding errors stands against it
+    if not (rests and violation < well):
         flow[0], reaction = 0.0, reaction_of(hold, row_count(there.needs.border))
         there, q, moves, left, _ = settle(there, q, previous, _RESTS_WELL,
                                           min(_MOST_FINER, max_iterations), np.inf, flow)

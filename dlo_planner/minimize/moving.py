@@ -70,7 +70,7 @@ def moved_among(system, q, previous, tolerance, exact, check):
     reaction, gone, worked = no_reaction(free), no_reaction(free), np.zeros(1)
     give = _YIELDS * system.lengths.size / inertial_stiffness(system.effects.anchor)
     stability, left, violation, steps, always = np.inf, np.inf, np.inf, 0, length > 0.0
-    loaded = with_candidates(free, state, previous, near, whole, 0.0)
+    loaded = with_candidates(free, state, previous, near, whole, 0.0, _TURN)
     state, _, table, _ = kkt_residual(loaded, state.q)
     while steps < _MOST and not is_to_end(worked, free, _COST):
         steps += 1
@@ -109,7 +109,7 @@ def moved_among(system, q, previous, tolerance, exact, check):
                      and violation < _KEPT * length and constraint_violation(hold, end) <= exact)
             # (rounding errors of places are forces in short steps, which move nothing)
             left = decrement if decrement < SETTLED else left
-        loaded = with_candidates(loaded, state, previous, near, whole, 0.0)
+        loaded = with_candidates(loaded, state, previous, near, whole, 0.0, _TURN)
         state, _, table, _ = kkt_residual(loaded, state.q)
         if rests and deepest(table) < _KEPT * length:
             if check:

@@ -13,7 +13,9 @@ the shift is chosen by that. No potential is asked: friction has none. It counts
 was before the gripper moved.
 
 All that is near an obstacle is a candidate for contact: nodes, and points inside elements that are
-nearer than these. A point stays where it is on the DLO during a step, and is chosen anew after it.
+nearer than these. A point stays where it is on the DLO during a step, and is chosen anew after it;
+one that bears alone rolls to where the DLO is nearest, which is as stiff as the DLO itself where it
+bends but little more than the obstacle. The step has the second derivative of that.
 """
 
 import numpy as np
@@ -27,6 +29,7 @@ from dlo_planner.energy.gap import (
     near_gaps,
     node_gap,
     node_range,
+    slope_along,
     taper,
 )
 from dlo_planner.energy.grip import move_multipliers
@@ -105,6 +108,8 @@ _STICKS = 0.99    # of its limit: friction below holds what it acts on
 _FINE, _FINER, _COARSE = 1e-7, 1e-5, 2e-6
 _BULGES = 1e-3    # of an element: one that comes nearer than its nodes by more is watched there
 _APART, _SAME = 0.02, 1e-9  # of an element: points that are nearer are one; differ by rounding
+_ALONE = 3        # elements: on points that bear nearer to each other a DLO lies
+_FLAT = 1e-3      # rad: on an element that turns by less against a body no point rolls
 _BESIDE = 0.01    # of an element: a point in it is not nearer to a node
 
 
@@ -130,10 +135,10 @@ def settle(system, q, previous, rough, most, farthest, flow):
     trial, right, wrong = new_configuration(system), np.empty_like(q), np.empty_like(q)
     state.q[:] = q
     place(system, state)
-    loaded = with_candidates(system, state, previous, near, whole, 1.0)
+    loaded = with_candidates(system, state, previous, near, whole, 1.0, _TURN)
     state, residual, table, _ = kkt_residual(loaded, state.q)
     shift, steps, stands, easy, falls, made = flow[0], 0, False, True, False, False
-    lower = 0.0  # a shift with which it did not stand, of late
+    lower, last = 0.0, _TURN  # a shift with which it did not stand, of late
     floor, largest, worked, gone = _FLOOR * least, _MOST_SHIFT * least, np.zeros(1), 0.0
     away = _AWAY if flow[1] == 0.0 else 0.0
     while steps < most and shift < largest and gone <= farthest:
@@ -174,7 +179,7 @@ def settle(system, q, previous, rough, most, farthest, flow):
                 for i in range(3):
                     force[a, i] = laws.first[a, i] + part * (force[a, i] - laws.first[a, i])
             normal, shear = world_forces(laws, force)
-            after = with_forces(loaded, table, normal, shear, whole)
+            after = _rolled(with_forces(loaded, table, normal, shear, whole), table, trial)
             move_multipliers(hold, part, reaction)
             there, later, its_table, _ = kkt_residual(after, trial.q)
             put_sum(there.gradient, part * shift, answer.step, wrong)
@@ -185,14 +190,14 @@ def settle(system, q, previous, rough, most, farthest, flow):
                                                                             answer.step))
             if left != 0.0:  # else it rests already, as a DLO upright on its tip may
                 error = np.sqrt(left / size) if size > 0.0 else np.inf
-            after = with_candidates(after, there, previous, near, whole, later)
+            after = with_candidates(after, there, previous, near, whole, later, part * turn)
             there, later, its_table, _ = kkt_residual(after, there.q)
             moved = part * turn * length
             unseen = deepest(its_table) - deepest(table) - _SLIGHT * length
             if error < _BAD and unseen > _DEEPER * moved and near < _FARTHEST * length:
                 near = min(_FARTHER * near, _FARTHEST * length)
                 move_multipliers(hold, -part, reaction)
-                loaded = with_candidates(loaded, state, previous, near, whole, residual)
+                loaded = with_candidates(loaded, state, previous, near, whole, residual, last)
                 state, residual, table, _ = kkt_residual(loaded, state.q)
                 continue
             if unseen > 0.0:
@@ -203,7 +208,10 @@ def settle(system, q, previous, rough, most, farthest, flow):
         made = error < _BAD
         if made:
             stands, easy = shift == 0.0 and part == 1.0, turn < _EASY and later < _QUIET
-            away, gone = away + part * turn, gone + part * turn
+            # (what leaves a saddle goes the faster the farther it is; else it comes to rest)
+            rests = steps > 1 and later < rough and part * turn < last
+            last = part * turn
+            away, gone = _AWAY if rests else away + last, gone + last
             loaded, state, residual, table = after, there, later, its_table
         falls = found < 1 or shift > tried
         if falls:
@@ -251,7 +259,7 @@ def carried(system, q, previous, base):
                 return False, q, system
     put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), turn)
     twist[:3], twist[3:] = turn, shift
-    loaded = with_candidates(before, state, there, _NEAR * length, whole, 0.0)
+    loaded = with_candidates(before, state, there, _NEAR * length, whole, 0.0, _TURN)
     state, _, table, _ = kkt_residual(loaded, state.q)
     _, shear = forces(table, state)
     laws = step_laws(loaded, state, table, shear, 1.0, reaction.size)
@@ -320,11 +328,12 @@ def loads_on(system):
 
 
 @kernel
-def with_candidates(system, state, previous, near, whole, residual):
+def with_candidates(system, state, previous, near, whole, residual, turn):
     """Return the Problem whose contacts are all that is near: nodes, and points inside elements.
 
     With the forces of those that were known, and next to none of others. All that may rub has a
-    point of friction, whose force is a load.
+    point of friction, whose force is a load. A point that bears alone rolls, if nodes turn by no
+    more than `turn`, rad, in a step.
     """
     scene, old, lengths = (system.effects.contact.scene, system.effects.contact.contacts,
                            system.lengths)
@@ -338,7 +347,10 @@ def with_candidates(system, state, previous, near, whole, residual):
         (2 * most, 3))
     node = np.zeros_like(old.node)
     (at, places), held = rolled_to(system, state), old.multiplier.copy()
-    faces, bears = False, _BEARS * whole / n
+    faces, bears, alone = False, _BEARS * whole / n, np.zeros(at.size, dtype=np.bool_)
+    rolled = places.copy()
+    for b in range(at.size):
+        alone[b] = _is_alone(old, at, held, b, bears)
     gap2, where = np.empty(2), np.empty(2)
     x, normal, hessian, offset = np.empty(3), np.empty((n + 1, 3)), np.empty((3, 3)), np.zeros(
         (n + 1, 2))
@@ -388,6 +400,8 @@ def with_candidates(system, state, previous, near, whole, residual):
                     continue
                 f, known, nearest = min(max(where[c], _BESIDE), 1.0 - _BESIDE), -1, _APART
                 for b in range(old.element.size):
+                    if alone[b] and old.obstacle[b] == o and abs(places[b] - e - f) < 1.0:
+                        at[b], places[b] = e, e + f
                     if (old.obstacle[b] == o and at[b] == e and held[b] > bears
                             and abs(places[b] - e - f) < nearest):
                         known, nearest = b, abs(places[b] - e - f)
@@ -411,8 +425,11 @@ def with_candidates(system, state, previous, near, whole, residual):
         o = old.obstacle[b]
         if o < 0 or is_face(scene, o) or not held[b] > bears:
             continue
-        f = min(max(places[b] - at[b], _BESIDE), 1.0 - _BESIDE)
-        element[count], obstacle[count], fraction[count] = at[b], o, f
+        f = min(max(places[b] - at[b], _SAME), 1.0 - _SAME)
+        rolls = alone[b] and _rolls_at(system, state, o, at[b], f, turn)
+        if not rolls:
+            f = min(max(f, _BESIDE), 1.0 - _BESIDE)
+        element[count], obstacle[count], fraction[count] = at[b], o, -f if rolls else f
         multiplier[count] = held[b]
         count += 1
         if scene.friction[o] > 0.0:
@@ -434,10 +451,11 @@ def with_candidates(system, state, previous, near, whole, residual):
     for b in range(old.element.size):  # friction goes on where it is by now
         if old.obstacle[b] >= 0:
             continue
-        best, nearest = -1, _SAME if old.fraction[b] == 1.0 else _APART
+        place, best, nearest = (_place_of(old, rolled, places, b), -1,
+                                _SAME if old.fraction[b] == 1.0 else _APART)
         for c in range(count):
             if obstacle[c] == old.obstacle[b] and (old.fraction[b] == 1.0) == (fraction[c] == 1.0):
-                away = abs(old.element[b] + old.fraction[b] - element[c] - fraction[c])
+                away = abs(place - element[c] - fraction[c])
                 if away < nearest:
                     best, nearest = c, away
         if best >= 0:
@@ -458,6 +476,68 @@ def with_candidates(system, state, previous, near, whole, residual):
         with_springs(old, k, node, old.multiplier), element[:count], obstacle[:count],
         multiplier[:count], fraction[:count], anchor[:count], normals[:count], shear[:count])
     return with_contacts(system, _with_grip(contacts, k), scene)
+
+
+@kernel
+def _rolls_at(system, state, o, e, f, turn):
+    """Whether a point of element e is where that is nearest to a body, and rolls along it.
+
+    Where nodes turn by more than the element does, those beside it are met.
+    """
+    scene = system.effects.contact.scene
+    rotation, x, offset, point = np.empty((3, 3)), np.empty(3), np.zeros(2), np.empty(3)
+    normal, hessian, length = np.empty(3), np.empty((3, 3)), system.lengths[e]
+    point_inside(system.lengths, state.strains, state.rotations, state.positions, e, f, rotation, x)
+    gap_at(scene, o, rotation, x, 0.0, offset, point, normal, hessian)
+    slope, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal, hessian)
+    slope -= taper(scene, o, e) / length
+    return (curve * length > max(turn, _FLAT) and abs(slope) < _APART * curve * length)
+
+
+@kernel
+def _is_alone(contacts, at, held, b, bears):
+    """Whether a point of contact bears, and no other one on its body within a few elements."""
+    o, e = contacts.obstacle[b], at[b]
+    if o < 0 or not held[b] > bears:
+        return False
+    for k in range(max(1, e - _ALONE), min(contacts.node.shape[1], e + 2 + _ALONE)):
+        if contacts.node[o, k] > bears:
+            return False
+    for c in range(at.size):
+        if c != b and contacts.obstacle[c] == o and abs(at[c] - e) <= _ALONE and held[c] > bears:
+            return False
+    return True
+
+
+@kernel
+def _place_of(contacts, rolled, places, b):
+    """Return where friction b goes on, element and fraction: with the point that it belongs to.
+
+    Args:
+        rolled, places: (C,) where points have rolled to, and where they go on
+    """
+    place = contacts.element[b] + contacts.fraction[b]
+    for c in range(places.size):
+        if contacts.obstacle[c] == -1 - contacts.obstacle[b] and (
+                abs(rolled[c] - place) < _SAME
+                or contacts.element[c] + abs(contacts.fraction[c]) == place):
+            return places[c]
+    return place
+
+
+@kernel
+def _rolled(system, table, state):
+    """Return the Problem whose friction acts where the points of a table have rolled to."""
+    old = system.effects.contact.contacts
+    at, places = rolled_to(system, state)
+    element, fraction = old.element.copy(), old.fraction.copy()
+    for a in range(table.gap.size):
+        b, c = table.inside[a], table.rubbing[a]
+        if b >= 0 and c >= 0 and old.fraction[b] < 0.0:
+            element[c] = at[b]
+            fraction[c] = min(max(places[b] - at[b], _SAME), 1.0 - _SAME)
+    return with_contacts(system, replaced(old, 'element', element, 'fraction', fraction),
+                         system.effects.contact.scene)
 
 
 @kernel

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Box, Capsule, DirectSimulator, Plane, Pose, Rod
+from dlo_planner import Box, Capsule, DirectSimulator, Plane, Pose, Rod, Sphere
 from dlo_planner.direct.continuation import shape_change
 from dlo_planner.direct.statics import StepInputs, step
+from dlo_planner.minimize.active_set import rolled_to
 from dlo_planner.minimize.contact_solver import _judged, _lowest, _stiffened
 from dlo_planner.minimize.contact_table import kkt_residual, with_contacts, with_contacts_of
-from dlo_planner.minimize.hessian import assemble, new_hessian
+from dlo_planner.minimize.hessian import assemble, factorize, new_hessian, solve
 from dlo_planner.minimize.interior_point import (
     _assembled,
     _put_springs,
@@ -25,6 +26,7 @@ from dlo_planner.minimize.interior_point import (
     step_laws,
 )
 from dlo_planner.minimize.quasi_static import (
+    _rolled,
     carried,
     loads_on,
     next_shift,
@@ -62,7 +64,8 @@ def near_a_table(friction, seed=0):
     q = np.random.default_rng(seed).normal(scale=1e-3, size=(24, 3))
     q[:8, 1] += 0.006
     q[8:16, 1] -= 0.006
-    system = with_candidates(system, kkt_residual(system, q)[0], NONE, 0.1, loads_on(system), 1.0)
+    state, whole = kkt_residual(system, q)[0], loads_on(system)
+    system = with_candidates(system, state, NONE, 0.1, whole, 1.0, 1.0)
     state, _, table, _ = kkt_residual(system, q)
     assert table.gap.size > 3
     return system, state, table
@@ -401,7 +404,7 @@ def test_points_that_roll_to_one_place_are_one():
     system, q = mesh.system(np.eye(3), np.zeros(3), mesh.past(None, None)), np.zeros((24, 3))
     whole = loads_on(system)
     state = kkt_residual(system, q)[0]
-    near = with_candidates(system, state, NONE, 0.05, whole, 0.0)
+    near = with_candidates(system, state, NONE, 0.05, whole, 0.0, 0.0)
     contacts, scene = near.effects.contact.contacts, near.effects.contact.scene
     one = np.flatnonzero(contacts.obstacle >= 0)
     rubs = np.flatnonzero((contacts.obstacle < 0) & (contacts.fraction < 1.0))
@@ -413,7 +416,7 @@ def test_points_that_roll_to_one_place_are_one():
     near = with_contacts(near, with_contacts_of(
         contacts, contacts.element[two], contacts.obstacle[two], np.array([0.3, 0.4, 1.0, 1.0]),
         places, contacts.anchor[two], contacts.normal[two], shear), scene)
-    after = with_candidates(near, state, NONE, 0.05, whole, 0.0).effects.contact.contacts
+    after = with_candidates(near, state, NONE, 0.05, whole, 0.0, 0.0).effects.contact.contacts
     bears = after.obstacle >= 0
     assert after.fraction[bears] == pytest.approx([fraction], abs=1e-6)
     assert after.multiplier[bears] == pytest.approx([0.7])
@@ -454,3 +457,61 @@ def test_springs_of_contacts_stand_on_top_of_the_assembled_hessian(beside):
     assert (table.inside >= 0).any() and (table.inside < 0).any()
     np.testing.assert_allclose(whole(hessian), before + jacobian.T @ stiff @ jacobian,
                                rtol=1e-9, atol=1e-9 * np.abs(before).max())
+
+
+def over_a_bar(turn, friction=0.0):
+    """Return Problem and unknowns of a DLO that bends over a bar, and bears on it at one point."""
+    q = np.random.default_rng(0).normal(scale=1e-4, size=(24, 3))
+    q[:, 1] += 0.003
+    away = Sphere((0, 0, 5), 0.1)
+    mesh = DirectSimulator(CABLE, basis='local', n_elements=24, obstacles=[away]).mesh
+    x, _, z = 0.5 * kkt_residual(mesh.system(np.eye(3), np.zeros(3), mesh.past(None, None)),
+                                 q)[0].positions[12:14].sum(axis=0)
+    bar = Capsule((x, -1, z - 0.0123), (x, 1, z - 0.0123), 0.01, friction=friction)
+    mesh = DirectSimulator(CABLE, basis='local', n_elements=24, obstacles=[bar]).mesh
+    system = mesh.system(np.eye(3), np.zeros(3), mesh.past(None, None))
+    state, whole = kkt_residual(system, q)[0], loads_on(system)
+    near = with_candidates(system, state, NONE, 0.3, whole, 0.0, turn)
+    contacts = near.effects.contact.contacts
+    inside = np.flatnonzero(contacts.obstacle >= 0)
+    assert inside.size == 1 and contacts.fraction[inside[0]] > 0.0  # nothing bears yet
+    contacts.multiplier[inside[0]] = 0.5
+    return with_candidates(near, state, NONE, 0.3, whole, 0.0, turn), q
+
+
+@pytest.mark.parametrize('turn', [0.01, 10.0])
+def test_a_step_knows_how_a_point_that_bears_alone_rolls(turn):
+    """Its gradient changes as its Hessian says; a point that stays has another one."""
+    system, q = over_a_bar(turn)
+    contacts = system.effects.contact.contacts
+    bears = np.flatnonzero((contacts.obstacle >= 0) & (contacts.multiplier > 0.1))
+    assert bears.size == 1 and (contacts.fraction[bears[0]] < 0.0) == (turn < 1.0)
+    state, hessian = kkt_residual(system, q)[0], new_hessian(system)
+    assemble(system, state, hessian)
+    factorize(system, hessian, 0.0)
+    way = np.random.default_rng(1).normal(size=q.shape)
+    way *= 1e-5 / np.abs(way).max()
+    change = 0.5 * (kkt_residual(system, q + way)[0].gradient
+                    - kkt_residual(system, q - way)[0].gradient)
+    found = np.empty_like(q)
+    solve(system, hessian, change, found)
+    np.testing.assert_allclose(found, way, atol=1e-4 * np.abs(way).max())
+
+
+def test_friction_goes_along_with_the_point_that_rolls():
+    system, q = over_a_bar(0.01, 0.4)
+    state, _, table, _ = kkt_residual(system, q)
+    bears = np.flatnonzero(table.force > 0.1)
+    assert bears.size == 1
+    a = bears[0]
+    inside, rubbing = table.inside[a], table.rubbing[a]
+    turned = q.copy()
+    turned[:8, 1] += 1e-3
+    there = kkt_residual(system, turned)[0]
+    contacts = _rolled(system, table, there).effects.contact.contacts
+    at, places = rolled_to(system, there)
+    before = system.effects.contact.contacts
+    assert abs(places[inside] - table.element[a] - table.fraction[a]) > 1e-3
+    assert contacts.element[rubbing] + contacts.fraction[rubbing] == pytest.approx(places[inside])
+    others = np.arange(before.element.size) != rubbing
+    np.testing.assert_array_equal(contacts.fraction[others], before.fraction[others])
