@@ -42,7 +42,7 @@ from dlo_planner.cell.hand import InHand  # noqa: E402
 from dlo_planner.cell.plant import STEP  # noqa: E402
 from dlo_planner.cell.robot import nearer  # noqa: E402
 from dlo_planner.cell.truth import Unknowns  # noqa: E402
-from dlo_planner.execute.entries import centered, seen_miss  # noqa: E402
+from dlo_planner.identify.entries import centered, seen_miss  # noqa: E402
 from dlo_planner.model.pose import displaced  # noqa: E402
 from dlo_planner.tasks import Clip  # noqa: E402
 

@@ -19,9 +19,8 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.execute.entries import centered
-from dlo_planner.inverse.aiming import Aim
-from dlo_planner.inverse.tasks.route import Fitting, closed, names_of
+from dlo_planner.identify.entries import centered
+from dlo_planner.inverse.tasks.route import Fitting, aim_at, closed, names_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.holds import Holds
 from dlo_planner.model.obstacles import Obstacle
@@ -96,11 +95,6 @@ def rooms_of(fittings: Sequence[Fitting], entries: Sequence[Entry]) -> Floats:
     """Return (n,) the room aside of a DLO in a mouth, m; infinite elsewhere."""
     return np.array([np.inf if entry.inside is None else fittings[entry.inside].room
                      for entry in entries])
-
-
-def aim_at(fitting: Fitting) -> Aim:
-    """Return the Aim at the seat of a Fitting."""
-    return Aim(fitting.pose, fitting.aside, None)
 
 
 def passed_at(shape: Shape, fitting: Fitting) -> Floats:

@@ -281,6 +281,11 @@ def closed(simulator: DirectSimulator, shape: Shape, fitting: Fitting, s: float,
     return holds_of(None, (hold_by(fitting, s, shape.frame_at(s)[0], by), *shape.holds), length)
 
 
+def aim_at(fitting: Fitting) -> Aim:
+    """Return the Aim of what is to lie in the seat of a Fitting."""
+    return Aim(fitting.pose, fitting.aside, None)
+
+
 def names_of(fittings: Iterable[Fitting]) -> list[str]:
     """Return how plans call the Fittings of a Route: 'clip 1', 'fork 2' and so on."""
     return [f'{one.word} {k}' for k, one in enumerate(fittings, start=1)]

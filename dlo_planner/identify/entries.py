@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.inverse.aiming import Aim, part_led, straightness
-from dlo_planner.inverse.tasks.route import Fitting
+from dlo_planner.inverse.aiming import part_led, straightness
+from dlo_planner.inverse.tasks.route import Fitting, aim_at
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, instance, row
 
@@ -63,7 +63,7 @@ def seen_miss(shape: Shape, fitting: Fitting, points: ArrayLike) -> SeenMiss:
     instance('shape', shape, Shape)
     instance('fitting', fitting, Fitting)
     seen = array('points', points, (None, 3))
-    level, beside = _aim(fitting).level(shape), _BESIDE * float(shape.s[-1])
+    level, beside = aim_at(fitting).level(shape), _BESIDE * float(shape.s[-1])
     s = np.linspace(max(level - beside, 0.0), min(level + beside, part_led(shape)), _PLACES)
     places = shape.positions_at(s)
     tangents = np.gradient(places, s, axis=0)
@@ -71,7 +71,7 @@ def seen_miss(shape: Shape, fitting: Fitting, points: ArrayLike) -> SeenMiss:
     inside = (nearest > 0) & (nearest < _PLACES - 1)
     seen, nearest = seen[inside], nearest[inside]
     off, along = seen - places[nearest], tangents[nearest]
-    off = (off - (off * along).sum(axis=1)[:, None] * along) @ _aim(fitting).places.T
+    off = (off - (off * along).sum(axis=1)[:, None] * along) @ aim_at(fitting).places.T
     powers = ((s[nearest] - level) / beside)[:, None] ** np.arange(_TERMS)
     rest = off - np.median(off, axis=0) if len(off) else off
     for _ in range(_PASSES):
@@ -113,8 +113,4 @@ def centered(shape: Shape, fitting: Fitting, miss: ArrayLike) -> Floats:
     instance('shape', shape, Shape)
     instance('fitting', fitting, Fitting)
     rows = row('miss', miss, least=2, most=2) / shape.s[-1]
-    return _aim(fitting).step(shape, rows, straightness(shape))
-
-
-def _aim(fitting: Fitting) -> Aim:
-    return Aim(fitting.pose, fitting.aside, None)
+    return aim_at(fitting).step(shape, rows, straightness(shape))
