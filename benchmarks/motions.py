@@ -7,12 +7,8 @@ python -m benchmarks.motions
 The paper's wire goes aside and down by 0.1 m and back: freely, over a floor that it does not
 touch, and onto floors. Both are timed in turns in one process, the motion alone: CPU time, the
 least of several. Errors are distances of nodes from what the own engine's meshes and steps lead to
-in the limit (ours 160 elements, tolerance 1e-5 m, 1e-4 m on the floor; MuJoCo's by Richardson from
-40 and 80 pieces), and how far these limits are apart is said: contacts of MuJoCo are soft.
-
-The last row is a USB cable that hangs, is set down on a table by 0.15 m and drawn over it by 0.5 m
-in the same second, with friction 0.3: impacts and friction are of first order, so its limit here is
-that of 128 elements and a tolerance of 2.5e-4 m.
+in the limit (ours 160 elements, tolerance 1e-5 m; MuJoCo's by Richardson from 40 and 80 pieces),
+and how far these limits are apart is said: contacts of MuJoCo are soft.
 """
 
 from time import process_time
@@ -21,24 +17,12 @@ import numpy as np
 
 from benchmarks import report
 from benchmarks.cases import level, wire
-from dlo_planner import DirectSimulator, Plane, Rod
+from dlo_planner import DirectSimulator, Plane
 from dlo_planner.cell.plant import Plant
 
 FLOORS = {'free': None, 'floor in reach, never touched': 0.05, 'touching': 0.195}
 DAMPING, S = 5e-4, np.linspace(0, 1, 41)
 _DT, _STEP = 0.01, 2e-3
-
-
-CABLE, TABLE = Rod(1.0, 0.035, 1.2e-3, 9e-4, radius=0.0025, damping=(0.0, DAMPING)), 0.3
-
-# Elements and tolerance of our limit where it is not by 160 and 1e-5 m: impacts are of first order
-LIMITS = {TABLE: (128, 2.5e-4), FLOORS['touching']: (160, 1e-4)}
-
-
-def set_down(time):
-    """Return the gripper of the cable at a time in s, over a table at height 0."""
-    part = time - np.sin(2 * np.pi * time) / (2 * np.pi)
-    return level(1.0 - 0.15 * part, -0.5 * part)
 
 
 def way(time):
@@ -49,9 +33,10 @@ def way(time):
 
 def ours(height, elements=40, tolerance=None):
     """Return (CPU s, places (101, 41, 3)) of this package."""
-    rod, moved, floor = _scene(height)
-    simulator = DirectSimulator(rod, basis='local', n_elements=elements, obstacles=floor)
-    grippers = [moved(_DT * k) for k in range(101)]
+    floor = [] if height is None else [Plane((0, 0, height), (0, 0, 1))]
+    simulator = DirectSimulator(wire(damping=(0.0, DAMPING)), basis='local', n_elements=elements,
+                                obstacles=floor)
+    grippers = [way(_DT * k) for k in range(101)]
     start = simulator.solve(grippers[0])
     began = process_time()
     motion = simulator.simulate(grippers, _DT, start, tolerance=tolerance)
@@ -60,19 +45,11 @@ def ours(height, elements=40, tolerance=None):
     return seconds, np.array([shape.positions_at(S) for shape in motion.shapes])
 
 
-def _scene(height):
-    """Return the rod, how its gripper moves, and the floor; `TABLE`: the cable and its table."""
-    if height is TABLE:
-        return CABLE, set_down, [Plane((0, 0, 0), (0, 0, 1), friction=TABLE)]
-    floor = [] if height is None else [Plane((0, 0, height), (0, 0, 1))]
-    return wire(damping=(0.0, DAMPING)), way, floor
-
-
 def theirs(height, cells=40, step=_STEP):
     """Return the same of MuJoCo's chain."""
-    rod, way, floor = _scene(height)
-    plant = Plant(rod, way(0.0), floor, cells=cells, step=step)
-    plant = Plant(rod, way(0.0), floor, cells=cells, step=step,
+    floor = [] if height is None else [Plane((0, 0, height), (0, 0, 1))]
+    plant = Plant(wire(), way(0.0), floor, cells=cells, step=step)
+    plant = Plant(wire(), way(0.0), floor, cells=cells, step=step,
                   damping=np.pi * plant.frequencies[0] * DAMPING)
     places, parts, seconds = [plant.points(S)], round(_DT / step), 0.0
     for k in range(100):
@@ -94,7 +71,7 @@ def line(name, height):
     """Return the cells of a row."""
     both = [(ours(height), theirs(height)) for _ in range(4)][1:]
     own, other = both[0][0][1], both[0][1][1]
-    limit = ours(height, *LIMITS.get(height, (160, 1e-5)))[1]
+    limit = ours(height, 160, 1e-5)[1]
     finer = theirs(height, 80, _STEP / 2)[1]
     other_limit = finer + (finer - other) / 3
     seconds = [min(pair[which][0] for pair in both) for which in (0, 1)]
@@ -107,8 +84,7 @@ def main():
     """Print the table."""
     heads = ['1 s of the wire', 'ours', 'MuJoCo', 'ours / MuJoCo', 'our error', 'its error',
              'limits apart']
-    print(report.markdown(heads, [line(*one) for one in [
-        *FLOORS.items(), ('a cable set down on a table and drawn', TABLE)]]))
+    print(report.markdown(heads, [line(*one) for one in FLOORS.items()]))
 
 
 if __name__ == '__main__':

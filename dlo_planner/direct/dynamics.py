@@ -42,7 +42,7 @@ from dlo_planner.energy.gap import penetration_of_point, penetrations_of_points
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.so3 import turn_between
-from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, number, returned, vector
 from dlo_planner.model.holds import FarEnd, Hold, Holds, named, place_of
 from dlo_planner.model.pose import Pose
@@ -178,7 +178,7 @@ class IntegrationOptions:
 
     def scheme(self, dt: float, halvings: int) -> Scheme:
         """Return the Scheme of a step of dt (s), halved so often."""
-        return Scheme(self.integrator, dt / 2.0**halvings)
+        return Scheme(self.integrator, dt / (1 << halvings))
 
 
 class InitialConditions(NamedTuple):
@@ -198,32 +198,23 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     after each step (`samples`, see `StepBatch`). What halving everything changes is three quarters
     of a second-order error, half of a first-order one (Richardson's extrapolation). The rest is nan
     after `most` times that kernels have asked whether they are to end, which is work, not time.
-
-    Impacts are of first order. Among obstacles, and unless it may take any work, the motion is
-    compared with one of pairs of its elements and steps instead, which takes less than it did: what
-    halving has changed already is all of a first-order error.
     """
-    mesh, found, times = stepper.discretization, np.full(len(ends), np.inf), 2.0
-    obstructed = bool(mesh.surroundings.obstacles)
+    found = np.full(len(ends), np.inf)
     try:
-        if obstructed and most < np.inf:
-            times = 1.0
-            with interrupted_by(_Allowance(most / _DEAR)):
-                _compare_coarser(stepper, begun, plan, ends, positions, found)
-        else:
-            with interrupted_by(_Allowance(most)):
-                _compare(stepper, begun, plan, ends, positions, samples, found)
+        obstructed = bool(stepper.discretization.surroundings.obstacles)
+        with interrupted_by(_Allowance(most / (_DEAR if obstructed else 1.0))):
+            _compare(stepper, begun, plan, ends, positions, samples, found)
     except _UsedUp:
         found[np.isinf(found)] = np.nan
-    rounding = 1e-15 * mesh.s.size * mesh.s[-1]
-    if plan.integrator != 'paper' and not obstructed:
-        times = 4 / 3
-    errors: Floats = times * np.maximum.accumulate(found) + rounding
+    coarse = stepper.discretization
+    rounding = 1e-15 * coarse.s.size * coarse.s[-1]
+    second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
+    errors: Floats = (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding
     return errors
 
 
 # times as long it takes on average, among obstacles, until a kernel or a call of one asks
-_DEAR = 2.0
+_DEAR = 4.0
 
 
 class _UsedUp(Exception):
@@ -280,61 +271,6 @@ def _compare(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
         found[-1] = max(worst, _apart(now.positions[::2], positions[-1]))
 
 
-def _compare_coarser(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
-                     ends: list[float], positions: list[Floats], found: Floats) -> None:
-    """Fill the largest distances `found` (n,) from the coarser motion, m, as far as that goes.
-
-    An instant in the middle of two steps that are one there has the distance of the next one.
-    """
-    mesh, kept = _of_pairs(stepper)
-    coarse = Stepper(mesh, stepper.grips, stepper.dt, watched=np.zeros(0, dtype=np.int64))
-    velocity = None if begun.velocity is None else begun.velocity[kept]
-    start, rest = begun.start, begun.initial or begun.start
-    strains = mesh.strains_from(start.s, start.element_strains)
-    if rest.state.mesh and _at_rest_on(rest, stepper.discretization.finer) is not None:
-        # (what lies on something, and deep in it on this mesh, would leap)
-        own = Discretization(rest.state.mesh.surroundings, mesh.s, 'local', 0)
-        strains = np.array(equilibrium(own, rest.gripper, strains, own.past(rest.state.history),
-                                       rest.holds).element_strains)
-    now = coarse.begin(_begun_on(mesh, start, strains), velocity)
-    found[0] = worst = _apart(now.positions, positions[0][kept])
-    at = 0  # time in the shortest steps
-    for level, steps in groupby(plan.steps):
-        count, size = len(list(steps)), 1 << (HALVINGS - level)
-        for halvings, way, many in ((level - 1, 2 * size, count // 2), (level, size, count % 2)):
-            scheme, left = plan.scheme(stepper.dt, halvings), many
-            if many and at:
-                now = coarse.resized(now, scheme.dt)
-            while left:
-                places = (at + way * np.arange(1, min(left, MOST) + 1)) / (1 << HALVINGS)
-                batch = coarse.steps(now, (), places, scheme, Acceptance())
-                if batch.refused is not None and not batch.errors.size:
-                    batch = _in_parts(coarse, now, float(places[0]), scheme)
-                if not batch.errors.size:
-                    return
-                for instant in batch.kept:
-                    k = round(instant.place)
-                    worst = max(worst, _apart(instant.positions, positions[k][kept]))
-                    found[np.isinf(found) & (np.arange(found.size) <= k)] = worst
-                made = len(batch.errors)
-                now, at, left = batch.last, at + way * made, left - made
-    if now.place == ends[-1]:  # of one that ended early, between two instants
-        found[np.isinf(found)] = max(worst, _apart(now.positions, positions[-1][kept]))
-
-
-def _of_pairs(stepper: Stepper) -> tuple[Discretization, Ints]:
-    """Return the mesh of every second node, and of those that are held or where the rod changes.
-
-    And which of the nodes (K,) these are.
-    """
-    fine = stepper.discretization
-    places = [*fine.surroundings.breaks, *(hold.s for hold in stepper.grips.kinds
-                                           if hold.s is not None), fine.s[-1]]
-    fixed = np.searchsorted(fine.s, np.array(places) - _SAME * fine.s[-1])
-    kept = np.unique(np.concatenate([np.arange(0, fine.s.size, 2), fixed]))
-    return Discretization(fine.surroundings, fine.s[kept], 'local', 0), kept
-
-
 def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) -> StepBatch:
     """Return the StepBatch of one step that is not solved at once, made in shorter ones.
 
@@ -371,11 +307,6 @@ def finer_start(mesh: Discretization, begun: InitialConditions) -> Shape:
     strains = _at_rest_on(begun.initial or start, mesh)
     if strains is None:
         strains = np.repeat(start.element_strains, 2, axis=0)
-    return _begun_on(mesh, start, strains)
-
-
-def _begun_on(mesh: Discretization, start: Shape, strains: Floats) -> Shape:
-    """Return the Shape `start` with strains (N, 3) of another mesh."""
     state = replace(start.state, mesh=mesh, history=mesh.past(start.state.history))
     there = configuration_at(mesh.system(start.gripper.rotation), strains)
     return replace(start, s=mesh.s, element_strains=strains, frames=there.rotations,
@@ -401,12 +332,9 @@ _LOOKS = 4           # places between two instants where the grips are looked at
 _CLOSE = 3           # halvings of a step that leads a grip into an obstacle, until it is the end
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
-_OF_CONTACT = 3      # halvings of a step that contacts stir up, until it is made by Euler's
-_IMPACT = 1 / 8      # of the tolerance: how far a step may misplace what lands in it
-# Of what is allowed: a step of twice the length, with 8 times the error, may be tried; in contact
-# one by which nodes are misplaced 4 times as far, as by what is no impact
-_WELL_WITHIN = 0.6
+_WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
 _CALM = 16           # steps that all were well within, before it is
+_OF_CONTACT = 3      # halvings for its error of a step since the DLO touched an obstacle
 _GAIN = 1e-3         # of the energy that has moved: what a motion may gain by rounding and errors
 
 
@@ -513,9 +441,6 @@ class _StepControl:
             batch = (batch._replace(refused=None) if len(batch.errors)
                      else self._try_longer_steps(batch, progress))
         if batch.refused is not None:
-            if level >= _OF_CONTACT and len(batch.refused.row.contacts):
-                # a shorter step may end before it lands
-                self.now = replace(self.now, row=self.now.row._replace(after_impact=True))
             self.stuck = last_try
             self._level, self._calm = min(level + 1, HALVINGS), 0
         elif level and self._calm >= _CALM and self._at % (2 << (HALVINGS - level)) == 0:
@@ -548,12 +473,10 @@ class _StepControl:
             fresh = stepper.resized(now, scheme.dt)
             if credit_renewal(budget, fresh.balance, self._began, self._noise):
                 now = fresh
-        last = level == HALVINGS or self._fixed
         limits = Acceptance(
             MAX_ITERATIONS if patient else _PATIENCE,
-            np.inf if last else _PART * plan.tolerance, _GAIN,
-            np.inf if self._fixed else self._noise, budget,
-            np.inf if last else _IMPACT * plan.tolerance, level >= _OF_CONTACT, self._began)
+            np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance, _GAIN,
+            np.inf if self._fixed else self._noise, budget, level >= _OF_CONTACT, self._began)
         size = 1 << (HALVINGS - level)
         count = min(most, self._length(size))
         places = (self._at + size * np.arange(1, count + 1)) / (1 << HALVINGS)
@@ -565,8 +488,7 @@ class _StepControl:
             self._steps += [level] * made
             self._errors += batch.errors.tolist()
             self._samples.append(batch.samples)
-        rough = np.flatnonzero((8 * batch.errors >= _WELL_WITHIN * _PART * plan.tolerance)
-                               & (4 * batch.misplaced >= _WELL_WITHIN * _IMPACT * plan.tolerance))
+        rough = np.flatnonzero(8 * batch.errors >= _WELL_WITHIN * _PART * plan.tolerance)
         self._calm = made - 1 - int(rough[-1]) if rough.size else self._calm + made
         return batch
 

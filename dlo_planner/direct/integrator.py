@@ -64,7 +64,6 @@ from dlo_planner.minimize.newton import (
 )
 from dlo_planner.minimize.solve import (
     is_equilibrium,
-    moved_minimum,
     obstructed_minimum,
     outcome,
     placed,
@@ -78,9 +77,6 @@ _PER_STEP = 0.5      # of the energy that a motion may still gain
 AFTER = 4            # steps since an impact until the scheme is as ever
 _LANDING = 1e-6      # of the length: what comes nearer to an obstacle by more in a step lands there
 _GRAZING = 0.02      # rad: so it may come nearer where it slides along what is curved
-# Times the local error that a step may have: what it may have in contact, where friction takes what
-# it brings, and where what sticks or slides in turn makes more of it than there is
-_ROUGH = 2.0
 _EXACT = 1e-4        # relative error of an eigenvalue
 # Pairs of strands are watched that may come to bear in a step: as far as both can move, with so
 # many times the speed that they have, and as near as that, of the radius, beyond both radii
@@ -124,10 +120,8 @@ class StepOptions(Record):
     error: float      # m, largest local error
     gain: float       # part of the energy that has moved which may be gained,
     noise: float      # and J in addition
-    damps: bool       # whether a step in contact is short enough to be made by implicit Euler's
     began: float      # J, energy balance when the motion began
-    misplaced: float  # m, by which nodes may be `misplaced` in a step of any local error where the
-                      # DLO bears on an obstacle, or has
+    any_error: bool   # whether a step may have any local error where the DLO bears on an obstacle
     follows: bool     # whether steps are short enough to follow vibrations
 
 
@@ -232,8 +226,7 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
             if left > 0:
                 credit_renewal(trial, _balance(buffer.energies[row]), options.began, options.noise)
             good = buffer.converged[row] and is_good(buffer, row, trial, options)
-            if good or not options.damps or not _is_rough(buffer, row, options):
-                # (a shorter step may be good)
+            if good or not options.any_error:  # a shorter step may be good
                 budget[:] = trial if good else budget
                 return
     buffer.impulsive[row] = 1
@@ -286,37 +279,13 @@ def is_good(buffer, row, budget, options):
 def _is_exact(buffer, row, options):
     """Whether the local error of a step is small enough.
 
-    Where the DLO bears, and until it is small for the first time after that (which is entered in
-    the row), it may be any where nodes are misplaced by little: an impact comes no more than a step
-    early or late, and no smooth course tells how wrong places are for that.
+    Where the DLO bears it may be any, and until it is small for the first time after that (which is
+    entered in the row).
     """
     exact = buffer.proofs[row, 2] <= options.error
     buffer.after_impact[row] = _bears(buffer, row) or buffer.impulsive[row] > 0 or (
         buffer.after_impact[row - 1] and not exact)
-    if exact or not buffer.after_impact[row]:
-        return exact
-    if buffer.impulsive[row] > 0:
-        return misplaced(buffer.times, buffer.nodes[1], row) <= options.misplaced
-    return _is_rough(buffer, row, options)
-
-
-@kernel
-def _is_rough(buffer, row, options):
-    """Whether a step in contact, in which nothing lands, may be as rough as after an impact."""
-    return (buffer.proofs[row, 2] <= _ROUGH * options.error
-            and misplaced(buffer.times, buffer.nodes[1], row) <= options.misplaced)
-
-
-@kernel
-def misplaced(times: Floats, velocities: Floats, row: int) -> float:
-    """Return how far a node is misplaced, m, that gets its velocity in a row up to a step late."""
-    largest = 0.0
-    for k in range(velocities.shape[1]):
-        square = 0.0
-        for i in range(3):
-            square += (velocities[row, k, i] - velocities[row - 1, k, i]) ** 2
-        largest = max(largest, square)
-    return (times[row] - times[row - 1]) * np.sqrt(largest)
+    return exact or options.any_error and buffer.after_impact[row]
 
 
 @kernel
@@ -576,12 +545,6 @@ def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
                                                                               state):
             return state, residual, stability, iterations, problem, missed
         _take_back(problem.effects.hold, buffer, memory)
-    if problem.basis.shape[1] == 0:
-        _, state, residual, stability, iterations, loaded, violation = moved_minimum(
-            problem, q, options.tolerance, options.ctol, check, buffer.nodes[0, memory],
-            buffer.frames[memory, :, :, 0])
-        return state, residual, stability, iterations, loaded, violation
-    # (the waves of a series touch anywhere between its nodes: points that bear are exchanged)
     state, residual, stability, iterations, _, loaded, violation = obstructed_minimum(
         problem, q, options.tolerance, options.ctol, options.maxiter, check,
         buffer.nodes[0, memory], buffer.frames[memory, :, :, 0])

@@ -195,17 +195,14 @@ class Acceptance(NamedTuple):
     part: float = 0.0               # of the energy that has moved, which a motion may gain,
     noise: float = np.inf           # and J in addition
     budget: Floats = np.zeros(5)    # as of `integrate`
-    misplaced: float = 0.0  # m, see `integrator.misplaced`: up to that any error is good in contact
-    damps: bool = False             # whether steps are short enough for implicit Euler's
+    any_in_contact: bool = False    # whether any error is good where it bears on an obstacle
     began: float = 0.0              # J, balance when the motion began
 
 
 class StepBatch(NamedTuple):
     """What came of steps of one length."""
 
-    errors: Floats           # (k,) local errors of the good ones, m,
-    misplaced: Floats        # (k,) and by how much impacts misplace a node, m; infinite in steps
-                             # that are neither in contact nor after it
+    errors: Floats           # (k,) local errors of the good ones, m
     kept: list[TimePoint]    # those at 1, 2, 3 ... times the dt of a Stepper
     last: TimePoint          # at the end of the last good step
     past: list[tuple[float, Floats]]  # time and node positions: the last but one, and before
@@ -302,10 +299,7 @@ class Stepper:
                     for row, one in zip(rows, Row.of(buffer, rows), strict=True)}
         nodes = buffer.nodes[0]
         return StepBatch(
-            buffer.proofs[PAST + 1:last + 1, 2],
-            np.where(buffer.after_impact[PAST + 1:last + 1], scheme.dt * np.linalg.norm(
-                np.diff(buffer.nodes[1, PAST:last + 1], axis=0), axis=2).max(axis=1), np.inf), [
-                    instants[row] for row in kept],
+            buffer.proofs[PAST + 1:last + 1, 2], [instants[row] for row in kept],
             instants[last] if last > PAST else now,
             [(float(buffer.times[row]), nodes[row].copy()) for row in (last - 2, last - 1)],
             nodes[PAST + 1:last + 1, self.watched], budget,
@@ -461,8 +455,7 @@ class Stepper:
             TOLERANCE + rounding, rounding, float(exact * mesh.s[-1]), float(KEPT * mesh.s[-1]),
             limits.patience, self.nearby,
             mesh.held_spring if self.grips.kinds else mesh.spring, *self._held,
-            float(limits.error), limits.part, limits.noise, limits.damps, limits.began,
-            float(limits.misplaced),
+            float(limits.error), limits.part, limits.noise, limits.began, limits.any_in_contact,
             scheme.dt < _FOLLOWED * self.own_time)
 
     @cached_property

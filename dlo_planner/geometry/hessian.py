@@ -37,7 +37,7 @@ from dlo_planner.kernels import kernel
 # What acts on a point inside an element sees the part of the element before the point, an element
 # like any other.
 
-NO_SPRINGS = ZERO, ZERO, ZERO  # second derivatives by (turn, turn), (turn, shift), (shift, shift)
+_NO_SPRINGS = ZERO, ZERO, ZERO  # second derivatives by (turn, turn), (turn, shift), (shift, shift)
 
 
 @kernel
@@ -63,7 +63,7 @@ def fill_blocks(displaced, lengths, strains, arcs, scale, rotations, positions, 
     place = last_point(attached)
     # of all beyond: force, moment and first moment, the sum of pull r^T, about the element's far
     # end; springs, as a twist stated at the origin sees them
-    force, moment, first, springs = NOTHING, NOTHING, ZERO, NO_SPRINGS
+    force, moment, first, springs = NOTHING, NOTHING, ZERO, _NO_SPRINGS
     for k in range(lengths.size):
         e = lengths.size - 1 - k
         h, frame = lengths[e], matrix(rotations[e])
@@ -164,7 +164,7 @@ def _with_springs_beyond(attached, node, where, weight, springs, turn, shift, co
         springs = _plus_weight(springs, weight[node], where)
     springs = _plus_node(springs, attached, node, where)
     shift = added(shift, crossed_columns(where, turn))
-    by_turn, by_shift, by_strain = through_springs(springs, turn, shift)
+    by_turn, by_shift, by_strain = _through_springs(springs, turn, shift)
     put_matrix(shift, twist[3:])
     put_matrix(by_shift, cross[:, 3:])
     return springs, added(coupling, by_turn), added(own, by_strain)
@@ -193,12 +193,12 @@ def _add_points_inside(displaced, attached, place, e, h, strain, scale, frame, b
         if displaced:
             where = plus(begin, arm)
             shift = added(shift, crossed_columns(where, turn))
-            spring = seen_from_origin(_springs_in(attached.matrix[point]), where)
-            by_turn, by_shift, by_strain = through_springs(spring, turn, shift)
+            spring = _seen_from_origin(_springs_in(attached.matrix[point]), where)
+            by_turn, by_shift, by_strain = _through_springs(spring, turn, shift)
             coupling, own = added(coupling, by_turn), added(own, by_strain)
             _add_matrix(by_shift, cross[:, 3:])
             _add_own(attached.own[point], scale, where, turn, shift, cross, diagonal)
-            springs = plus_springs(springs, spring)
+            springs = _plus_springs(springs, spring)
         _add_matrix(coupling, cross)
         _add_matrix(own, diagonal)
         first = added(added(first, own_first), outer(load, arm))
@@ -215,8 +215,7 @@ def _springs_in(spring):
 
 
 @kernel(forceinline=True)
-def plus_springs(a, b):
-    """Return the sum of two springs."""
+def _plus_springs(a, b):
     return added(a[0], b[0]), added(a[1], b[1]), added(a[2], b[2])
 
 
@@ -227,8 +226,8 @@ def _plus_node(springs, attached, node, where):
         return springs
     if not attached.sprung[node]:
         return springs
-    own = seen_from_origin(_springs_in(attached.node_matrix[node]), where)
-    return plus_springs(springs, own)
+    own = _seen_from_origin(_springs_in(attached.node_matrix[node]), where)
+    return _plus_springs(springs, own)
 
 
 @kernel(forceinline=True)
@@ -245,7 +244,7 @@ def _plus_weight(springs, w, x):
 
 
 @kernel(forceinline=True)
-def seen_from_origin(springs, x):
+def _seen_from_origin(springs, x):
     """Return springs as a twist stated at the origin sees them, instead of one stated at x."""
     turning, mixed, shifting = springs
     moved = added(mixed, crossed_columns(x, shifting))
@@ -255,7 +254,7 @@ def seen_from_origin(springs, x):
 
 
 @kernel(forceinline=True)
-def through_springs(springs, turn, shift):
+def _through_springs(springs, turn, shift):
     """Return what springs beyond an element do, whose strain makes a turn and a shift there.
 
     That is the change of the element's gradient by a turn, by a shift, and by its own strain.

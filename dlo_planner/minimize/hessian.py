@@ -89,22 +89,16 @@ def assemble(system, state, hessian):
     """Fill the Hessian at `state`."""
     element_hessian(system, state, hessian.twist_jacobian, hessian.cross, hessian.diagonal,
                     hessian.base)
-    if system.basis.shape[1] == 0:
-        _add_proximal(system, hessian.diagonal)
-    projected(system, hessian)
+    if system.basis.shape[1] > 0:
+        project_all(system.basis, hessian)
     fill_border(system, state, hessian, hessian.border)
     fill_coupling(system, state, hessian.coupling)
-
-
-@kernel
-def projected(system, hessian):
-    """Fill the whole Hessian of a series from its blocks."""
-    if system.basis.shape[1] == 0:
-        return
-    project_all(system.basis, hessian)
-    if system.proximal_point.shape[0]:
-        for i in range(hessian.dense.shape[0]):
-            hessian.dense[i, i] += system.proximal_weight
+    if system.basis.shape[1] > 0:
+        if system.proximal_point.shape[0]:
+            for i in range(hessian.dense.shape[0]):
+                hessian.dense[i, i] += system.proximal_weight
+    else:
+        _add_proximal(system, hessian.diagonal)
 
 
 @kernel

@@ -31,27 +31,10 @@ import numpy as np
 from dlo_planner.energy.grip import constraint_value
 from dlo_planner.energy.potential import project, value_at
 from dlo_planner.energy.problem import bending_energy
-from dlo_planner.geometry.hessian import (
-    NO_SPRINGS,
-    plus_springs,
-    seen_from_origin,
-    through_springs,
-)
-from dlo_planner.geometry.kinematics import part_of_element
+from dlo_planner.geometry.kinematics import part_of_element, spring_at
 from dlo_planner.geometry.record import Record
-from dlo_planner.geometry.so3 import (
-    added,
-    crossed_columns,
-    matrix,
-    outer,
-    put_matrix,
-    times,
-    transposed_times,
-    vector,
-)
-from dlo_planner.geometry.so3 import cross as crossed
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.hessian import assemble, factorize, projected, solve, solve_held
+from dlo_planner.minimize.hessian import assemble, factorize, solve, solve_held
 from dlo_planner.model.arrays import Floats, Ints
 
 _MOST, _FEW = 60, 25  # Newton steps: of the interior point method, and of exact laws
@@ -86,21 +69,19 @@ class ContactRows(Record):
 
     element: Ints   # (A,)
     node: Ints      # (A,) node, or -1 of a point inside its element
+    inside: Ints    # (A,) its place among the points inside elements, or -1
     axis: Floats    # (A, 3) m, of the axis there, relative to the gripper
     arm: Floats     # (A, 3) m, from the axis to where the normal force acts
     own: Floats     # (A, 6, 3) twist of the frame at the point by its element's unknowns
     frame: Floats   # (A, 3, 3) rows: normal and two tangents
-    last: Ints      # (2, N + 1) the last contact on each node, and inside the element after it; -1
-    before: Ints    # (A,) the contact before that one there, -1: none
 
 
 @kernel
 def contact_rows(system, state, table):
     """Return the ContactRows of the contacts in a table."""
     count = table.gap.size
-    rows = ContactRows(table.element, np.full(count, -1), np.empty((count, 3)), table.arm,
-                       np.zeros((count, 6, 3)), np.empty((count, 3, 3)),
-                       np.full((2, system.lengths.size + 1), -1), np.full(count, -1))
+    rows = ContactRows(table.element, np.full(count, -1), table.inside, np.empty((count, 3)),
+                       table.arm, np.zeros((count, 6, 3)), np.empty((count, 3, 3)))
     arm = np.empty(3)
     for a in range(count):
         e = table.element[a]
@@ -113,9 +94,6 @@ def contact_rows(system, state, table):
                             system.scale[e], state.rotations[e], rows.own[a], arm)
             for i in range(3):
                 rows.axis[a, i] = state.positions[e, i] + arm[i]
-        where = e + 1 if table.inside[a] < 0 else e
-        its = rows.last[0 if table.inside[a] < 0 else 1]
-        rows.before[a], its[where] = its[where], a
         n, frame = table.normal[a], rows.frame[a]
         least = 0
         for i in range(3):
@@ -228,62 +206,49 @@ def add_loads(system, hessian, rows, force, right):
 
 
 @kernel
-def _put_springs(system, hessian, given, rows, spring):
-    """Fill the Hessian with springs (A, 3, 3) of contacts on top of Blocks `given`.
-
-    One sweep from the free end: geometry, and all else that acts, is as it was assembled.
-    """
-    jacobians, crosses, diagonals = hessian.twist_jacobian, hessian.cross, hessian.diagonal
-    n, beyond = jacobians.shape[0], NO_SPRINGS
-    for r in range(n):
-        e = n - 1 - r
-        a = rows.last[0, e + 1]
-        while a >= 0:
-            beyond = plus_springs(beyond, _spring_of(rows, spring, a))
-            a = rows.before[a]
-        coupling, across, own = through_springs(beyond, matrix(jacobians[e]),
-                                                matrix(jacobians[e, 3:]))
-        a = rows.last[1, e]
-        while a >= 0:
-            one, turn = _spring_of(rows, spring, a), matrix(rows.own[a])
-            shift = added(matrix(rows.own[a, 3:]), crossed_columns(vector(rows.axis[a]), turn))
-            by_turn, by_shift, by_strain = through_springs(one, turn, shift)
-            coupling, across, own = (added(coupling, by_turn), added(across, by_shift),
-                                     added(own, by_strain))
-            beyond = plus_springs(beyond, one)
-            a = rows.before[a]
-        put_matrix(added(matrix(given.cross[e]), coupling), crosses[e])
-        put_matrix(added(matrix(given.cross[e, :, 3:]), across), crosses[e, :, 3:])
-        put_matrix(added(matrix(given.diagonal[e]), own), diagonals[e])
-    projected(system, hessian)
-
-
-@kernel
-def _spring_of(rows, spring, a):
-    """Return the spring (A, 3, 3) of contact a as a twist stated at the gripper sees it."""
-    frame, normal, arm = matrix(rows.frame[a]), vector(rows.frame[a, 0]), vector(rows.arm[a])
-    pull = times(matrix(spring[a]), frame)
-    # (the normal force acts beside the axis, friction at the axis)
-    turn = crossed(arm, normal)
-    stiff = spring[a, 0, 0]
-    return seen_from_origin((
-        outer((stiff * turn[0], stiff * turn[1], stiff * turn[2]), turn),
-        outer(turn, (pull[0], pull[1], pull[2])), transposed_times(frame, pull)),
-        vector(rows.axis[a]))
-
-
-class Blocks(Record):
-    """Blocks of a Hessian without springs of contacts, as of `Hessian`."""
-
-    cross: Floats     # (N, 3, 6)
-    diagonal: Floats  # (N, 3, 3)
+def _put_springs(attached, rows, given_nodes, given_points, spring):
+    """Write the springs (A, 3, 3) of the contacts on top of the second derivatives there were."""
+    left = np.empty((3, 3))
+    for a in range(rows.element.size):
+        k, c = rows.node[a], rows.inside[a]
+        target, source = ((attached.node_matrix[k], given_nodes[k]) if k >= 0
+                          else (attached.matrix[c], given_points[c]))
+        for i in range(6):
+            for j in range(6):
+                target[i, j] = source[i, j]
+    for a in range(rows.element.size):
+        target = (attached.node_matrix[rows.node[a]] if rows.node[a] >= 0
+                  else attached.matrix[rows.inside[a]])
+        frame, arm = rows.frame[a], rows.arm[a]
+        for i in range(3):
+            for r in range(3):
+                left[i, r] = (frame[0, i] * spring[a, 0, r] + frame[1, i] * spring[a, 1, r]
+                              + frame[2, i] * spring[a, 2, r])
+        for i in range(3):
+            for j in range(3):
+                target[3 + i, 3 + j] += (left[i, 0] * frame[0, j] + left[i, 1] * frame[1, j]
+                                         + left[i, 2] * frame[2, j])
+        if arm[0] == 0.0 and arm[1] == 0.0 and arm[2] == 0.0:
+            continue
+        for i in range(3):  # the normal force acts beside the axis, friction at the axis
+            turn = (arm[(i + 1) % 3] * frame[0, (i + 2) % 3]
+                    - arm[(i + 2) % 3] * frame[0, (i + 1) % 3])
+            for j in range(3):
+                other = (arm[(j + 1) % 3] * frame[0, (j + 2) % 3]
+                         - arm[(j + 2) % 3] * frame[0, (j + 1) % 3])
+                target[i, j] += turn * spring[a, 0, 0] * other
+                target[i, 3 + j] += turn * left[j, 0]
+                target[3 + j, i] += turn * left[j, 0]
 
 
 @kernel
-def _assembled(system, state, hessian):
-    """Assemble the Hessian at `state`; return its Blocks."""
-    assemble(system, state, hessian)
-    return Blocks(hessian.cross.copy(), hessian.diagonal.copy())
+def _restore(attached, rows, given_nodes, given_points):
+    """Take the springs of contacts away again."""
+    for a in range(rows.element.size):
+        if rows.node[a] >= 0:
+            attached.node_matrix[rows.node[a]] = given_nodes[rows.node[a]]
+        else:
+            attached.matrix[rows.inside[a]] = given_points[rows.inside[a]]
 
 
 class StepLaws(Record):
@@ -298,6 +263,8 @@ class StepLaws(Record):
     give: float          # m/N, compliance of all contacts
     whole: float         # N, all loads on the DLO
     tau: float           # J, barrier parameter to begin with
+    given_nodes: Floats  # (N + 1, 6, 6), (C, 6, 6) second derivatives without the contacts' springs
+    given_points: Floats
     miss: Floats         # (K,) of what is held
 
 
@@ -309,7 +276,7 @@ def step_laws(system, state, table, shear, closed, held):
     """
     contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
     count, length = table.gap.size, np.sum(system.lengths)
-    rows, gap = contact_rows(system, state, table), table.gap.copy()
+    rows, attached, gap = contact_rows(system, state, table), state.attached, table.gap.copy()
     energy = np.sum(np.abs(system.effects.load.pull)) * length + bending_energy(system)
     first, slid, rubbing = np.zeros((count, 3)), np.zeros((count, 2)), np.zeros(count)
     for a in range(count):
@@ -324,13 +291,16 @@ def step_laws(system, state, table, shear, closed, held):
                     slid[a, r] += rows.frame[a, 1 + r, i] * (rows.axis[a, i]
                                                              - contacts.anchor[c, i])
                     first[a, 1 + r] -= rows.frame[a, 1 + r, i] * shear[a, i]
+        if rows.node[a] >= 0:
+            spring_at(attached, rows.node[a])
     miss = np.zeros(held)
     constraint_value(system.effects.hold, state, miss)
     for k in range(held):
         miss[k] *= closed
     return StepLaws(rows, rubbing, np.any(table.rubbing >= 0), gap, slid, first,
                     _GIVE * length * length / energy, energy / length,
-                    _FIRST * energy / system.lengths.size, miss)
+                    _FIRST * energy / system.lengths.size, attached.node_matrix.copy(),
+                    attached.matrix.copy(), miss)
 
 
 class Springs(Record):
@@ -583,7 +553,6 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
     # left is convex: gaps are wrong by mu times its change, and the next step begins from there)
     couples, follows = False, _SHARPLY_ENOUGH if sharp else _ENOUGH
     more, done, falls, lost, bad, part, stood = 0.0, False, False, 0, 0, 1.0, False
-    given = _assembled(system, state, hessian)
     for iteration in range(_MOST):
         mean = wrong = 0.0
         for a in range(count):
@@ -630,7 +599,8 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
             if mean < _BARRIER * laws.tau and wrong < _ROUGH * far:
                 done = True
                 break
-        _put_springs(system, hessian, given, rows, springs.spring)
+        _put_springs(state.attached, rows, laws.given_nodes, laws.given_points, springs.spring)
+        assemble(system, state, hessian)
         bad = factorize(system, hessian, shift)
         lost = 0 if bad == 0 else lost + 1
         again, stood = stood and bad > 0, stood or bad == 0 and iteration > 0
@@ -736,6 +706,7 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
         if count == 0:
             done = True
             break
+    _restore(state.attached, rows, laws.given_nodes, laws.given_points)
     for a in range(count):
         mu = laws.friction[a]
         force[a, 0] = x[a, 0] / mu if mu > 0.0 else x[a, 0]
@@ -772,7 +743,6 @@ def exact_step(system, state, hessian, laws, shift, floor, most, sharp, force, a
         for r in range(2):
             along = -laws.first[a, 1 + r] / size if size > 0.0 else 0.0
             z[a, r] = (size + firm * away) * along
-    given = _assembled(system, state, hessian)
     for trial in range(_FEW):
         for a in range(count):
             for i in range(3):
@@ -807,7 +777,8 @@ def exact_step(system, state, hessian, laws, shift, floor, most, sharp, force, a
                             balance[a, 1 + r] * z[a, q] + balance[a, 1 + q] * z[a, r]))
                     springs.force[a, 1 + r] += (springs.spring[a, 1 + r, 1 + q]
                                                 * moved[a, 1 + q])
-        _put_springs(system, hessian, given, rows, springs.spring)
+        _put_springs(state.attached, rows, laws.given_nodes, laws.given_points, springs.spring)
+        assemble(system, state, hessian)
         # (with another shift forces before are in balance no more: then all of the step is made)
         bad, again = factorize(system, hessian, shift), trial == 0
         if bad > 0 and (trial == 0 or not sharp):
@@ -850,6 +821,7 @@ def exact_step(system, state, hessian, laws, shift, floor, most, sharp, force, a
         if same and change < _SETTLED * laws.whole:
             found = 1
             break
+    _restore(state.attached, rows, laws.given_nodes, laws.given_points)
     for a in range(count):
         size = np.sqrt(z[a, 0] ** 2 + z[a, 1] ** 2)
         limit = laws.friction[a] * p[a]

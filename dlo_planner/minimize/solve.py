@@ -33,7 +33,6 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_solver import COARSER, predictor_corrector, solve_contact
 from dlo_planner.minimize.contact_table import Touching, touching, with_contacts
 from dlo_planner.minimize.convergence import is_stationary
-from dlo_planner.minimize.moving import moved_among
 from dlo_planner.minimize.newton import (
     HELD_NEUTRAL,
     NEUTRAL,
@@ -278,17 +277,6 @@ def obstructed_minimum(system, q, tolerance, exact, steps, check, places, tangen
 
 
 @kernel
-def moved_minimum(system, q, tolerance, exact, check, places, tangents):
-    """Return what `moved_among` does of a DLO whose nodes were at `places`, world, before."""
-    before = _seen_from(system.origin, places, tangents)
-    bodies = bodies_in_reach(system, before)
-    some = 0 < bodies.size < system.effects.contact.scene.kind.size
-    end = moved_among(with_bodies(system, bodies) if some else system, q, before,
-                      COARSER * tolerance, exact, check)
-    return end[:5] + (among_all(system, end[5], bodies) if some else end[5], end[6])
-
-
-@kernel
 def _minimum_among(bodies, system, q, tolerance, exact, steps, check, before, turned_from,
                    farthest):
     """Return what `solve_contact` does, of a DLO that may meet some bodies (m,) alone."""
@@ -437,13 +425,10 @@ def contact_rows(system: Problem, state: Configuration, table: Touching) -> Any:
         if table.rubbing[a] >= 0:
             friction[a] -= state.attached.force[table.rubbing[a]]
     kept, force = np.ones(count, dtype=np.bool_), table.force.copy()
-    near = _ONE_PLACE * np.sum(lengths)
     for a in range(count):
         for b in range(a):
-            away = 0.0
-            for i in range(3):
-                away += (places[a, i] - places[b, i]) ** 2
-            if kept[b] and table.obstacle[a] == table.obstacle[b] and away < near * near:
+            if kept[b] and table.obstacle[a] == table.obstacle[b] and (
+                    np.sum((places[a] - places[b]) ** 2) < (_ONE_PLACE * np.sum(lengths)) ** 2):
                 one, other = (a, b) if force[a] > force[b] else (b, a)
                 force[one] += force[other]
                 friction[one] += friction[other]

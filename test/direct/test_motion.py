@@ -38,7 +38,7 @@ from dlo_planner import (
 )
 from dlo_planner.direct import dynamics
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
-from dlo_planner.direct.integrator import Scheme, misplaced, within_energy_budget
+from dlo_planner.direct.integrator import Scheme, within_energy_budget
 from dlo_planner.direct.stepper import Acceptance, Stepper
 from dlo_planner.minimize.newton import newton
 from dlo_planner.results import Motion
@@ -485,8 +485,7 @@ def test_a_dlo_that_has_bounced_moves_freely_again():
     touched = [bool(shape.contacts) for shape in motion.shapes]
     assert any(touched) and not any(touched[-15:])
     ours, true = (np.array([shape.positions for shape in one.shapes]) for one in (motion, fine))
-    # (impacts are of first order: twice the tolerance, where the finer motion follows them)
-    assert np.abs(ours - true).max() < 2e-3
+    assert np.abs(ours - true).max() < 1e-3
 
 
 def test_what_lands_between_two_nodes_is_noticed_at_once():
@@ -690,41 +689,3 @@ def test_what_moves_on_many_points_finds_their_forces_at_once():
     for shape in lying:
         for contact in shape.contacts:
             assert np.linalg.norm(contact.friction) <= friction * contact.force * (1 + 1e-9)
-
-
-# ------------------------------------------------------------------------------------------------
-# A cable that falls flat on a floor: impacts, friction, many points.
-
-USB = Rod(1.0, 0.035, 1.2e-3, 0.9e-3, radius=2.5e-3)
-
-
-def fallen(tolerance=None, elements=24):
-    """Return the motion of a level cable that is let go 5 cm above a floor, 0.2 s."""
-    here, mesh = Pose((0, 0, 0.05), (0, 0, 0, 1)), {'basis': 'local', 'n_elements': elements}
-    level = DirectSimulator(USB, gravity=(0, 0, 0), **mesh).solve(here)
-    direct = DirectSimulator(USB, obstacles=[Plane((0, 0, 0), (0, 0, 1), 0.4)], **mesh)
-    return direct.simulate([here] * 21, 1e-2, initial=level, tolerance=tolerance)
-
-
-def test_what_falls_flat_follows_its_impacts_as_closely_as_is_asked():
-    # with Newton's own Hessian the fine one is not solved: inertia at the guess of a short step
-    # pushes along the cable a hundred times as hard as in truth
-    rough, fine = fallen(), fallen(2.5e-4)
-    ours, true = (np.array([shape.positions for shape in one.shapes]) for one in (rough, fine))
-    for motion in (rough, fine):
-        assert motion.converged, motion.message
-        gained = motion.energy + motion.dissipated - motion.energy[0]
-        assert gained.max() < 1e-3 * np.ptp(motion.potential_energy)
-        assert max(shape.violation for shape in motion.shapes) < 1e-6
-        assert len(motion.shapes[-1].contacts) > 8
-    off = np.linalg.norm(ours - true, axis=2).max()
-    assert off < 4e-3
-    # known to the end, at once, and of the right size
-    assert off / 5 < rough.error_estimate[-1] < 5 * off
-
-
-def test_what_a_new_velocity_misplaces():
-    velocities = np.zeros((3, 2, 3))
-    velocities[1:, 1] = 0.3, 0.0, -0.4
-    assert misplaced(np.array([0.0, 0.2, 0.4]), velocities, 1) == pytest.approx(0.1)
-    assert misplaced(np.array([0.0, 0.2, 0.4]), velocities, 2) == 0.0

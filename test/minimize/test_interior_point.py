@@ -14,8 +14,6 @@ from dlo_planner.minimize.contact_solver import _judged, _lowest, _stiffened
 from dlo_planner.minimize.contact_table import kkt_residual, with_contacts, with_contacts_of
 from dlo_planner.minimize.hessian import assemble, factorize, new_hessian, solve
 from dlo_planner.minimize.interior_point import (
-    _assembled,
-    _put_springs,
     _scaling,
     _to_boundary,
     add_loads,
@@ -422,41 +420,6 @@ def test_points_that_roll_to_one_place_are_one():
     assert after.multiplier[bears] == pytest.approx([0.7])
     assert after.shear[(after.obstacle < 0) & (after.fraction < 1.0)] == pytest.approx(
         np.array([[0.0, 0.3, 0.0]]), abs=1e-9)
-
-
-def whole(hessian):
-    """Return the dense matrix (3 N, 3 N) of the blocks of a local Hessian."""
-    n = hessian.diagonal.shape[0]
-    dense = np.zeros((3 * n, 3 * n))
-    for f in range(n):
-        for e in range(f):
-            dense[3 * f:3 * f + 3, 3 * e:3 * e + 3] = hessian.cross[f] @ hessian.twist_jacobian[e]
-        dense[3 * f:3 * f + 3, 3 * f:3 * f + 3] = 0.5 * hessian.diagonal[f]
-    return dense + dense.T
-
-
-@pytest.mark.parametrize('beside', [0.0, 1e-3])
-def test_springs_of_contacts_stand_on_top_of_the_assembled_hessian(beside):
-    system, state, table = near_a_table(0.4)
-    table.arm[:] = beside  # normal forces act beside the axis of what is not round
-    laws = step_laws(system, state, table, np.zeros((table.gap.size, 3)), 1.0, 0)
-    hessian, n, count = new_hessian(system), system.lengths.size, table.gap.size
-    given = _assembled(system, state, hessian)
-    before = whole(hessian)
-    rng = np.random.default_rng(1)
-    spring = rng.normal(size=(count, 3, 3))
-    spring = np.einsum('aij,akj->aik', spring, spring)
-    _put_springs(system, hessian, given, laws.rows, spring)
-    moved, jacobian = np.empty((count, 3)), np.empty((3 * count, 3 * n))
-    for k, unit in enumerate(np.eye(3 * n)):
-        put_motions(system, hessian, laws.rows, unit.reshape(n, 3).copy(), moved)
-        jacobian[:, k] = moved.ravel()
-    stiff = np.zeros((3 * count, 3 * count))
-    for a in range(count):
-        stiff[3 * a:3 * a + 3, 3 * a:3 * a + 3] = spring[a]
-    assert (table.inside >= 0).any() and (table.inside < 0).any()
-    np.testing.assert_allclose(whole(hessian), before + jacobian.T @ stiff @ jacobian,
-                               rtol=1e-9, atol=1e-9 * np.abs(before).max())
 
 
 def over_a_bar(turn, friction=0.0):
