@@ -15,6 +15,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -34,8 +35,6 @@ from dlo_planner.verify.held_robustness import Mouth, off
 
 _STANDS = 1e-5   # of the length: a hand that gives way by less does not
 _YIELDS = 0.05   # of the length: one that does by more has lost the DLO
-_TRIALS = 20     # in which it is found where the hand stands,
-_INSIDE = 0.1    # each of them by so much of what it can be from where it cannot
 
 
 class Entry(NamedTuple):
@@ -180,47 +179,33 @@ def _led(drawn: DirectSimulator, gripper: Pose, holds: Holds, before: Shape, fed
     It exerts a force `fed` (3,), N, there, and gives way along the straight line to what holds the
     DLO next to it, which alone pulls strongly. None: it finds no shape.
     """
-    def at(by: float) -> tuple[Shape | None, float]:
-        """Return the Shape where it gives way by so much, and what pulls more than it holds, N."""
+    known = dict[float, Shape]()
+
+    def excess(by: float) -> float:
+        """Return what pulls more than the hand holds where it gives way by so much, N."""
         found = drawn.track([Pose(gripper.position + by * along, gripper.quaternion)],
                             initial=before, holds=[holds])[0]
-        if not found.converged:
-            return None, np.inf
-        return found, float((found.gripper_wrench[:3] - fed) @ along) + stiffness * by
+        if not found.converged:  # out of reach
+            return stiffness * most
+        known[by] = found
+        return float((found.gripper_wrench[:3] - fed) @ along) + stiffness * by
 
-    along, exact = np.zeros(3), _STANDS * drawn.rod.length
+    along, most, exact = np.zeros(3), _YIELDS * drawn.rod.length, _STANDS * drawn.rod.length
     if not holds or stiffness == np.inf:
-        return at(0.0)[0], 0.0
+        excess(0.0)
+        return known.get(0.0), 0.0
     along = gripper.position - holds[0].pose.position
     along /= np.linalg.norm(along)
-    found, excess = at(guess)
-    if found is None:  # out of reach
-        far, near, size = guess, guess - exact, exact
-        while found is None and size < _YIELDS * drawn.rod.length:
-            found, excess = at(near)
-            far, near, size = (near, near - 2 * size, 2 * size) if found is None else (
-                far, near, size)
-        if found is None:
-            return None, guess
-        guess = near
+    first = excess(guess)
+    if guess in known and abs(first) < exact * stiffness:
+        return known[guess], guess
     # the more it gives way the less it is pulled, so the excess grows by its stiffness at least
-    low, high, below, above = guess, guess, excess, excess
-    if excess > 0.0:
-        low, below = guess - excess / stiffness, -np.inf
-    else:
-        high, above = guess - excess / stiffness, np.inf
-    # of all that are found the one that is pulled most rightly
-    known: tuple[float, Shape | None, float] = abs(excess), found, guess
-    for _ in range(_TRIALS):
-        if known[0] < exact * stiffness or high - low < exact:
-            break
-        by = 0.5 * (low + high)
-        if np.isfinite([below, above]).all():
-            by = (low * above - high * below) / (above - below)
-            by = min(max(by, low + _INSIDE * (high - low)), high - _INSIDE * (high - low))
-        shape, excess = at(by)
-        if abs(excess) < known[0]:
-            known = abs(excess), shape, by
-        low, below, high, above = (low, below, by, excess) if excess > 0.0 else (
-            by, excess, high, above)
-    return known[1:]
+    other, way = guess, first / stiffness if guess in known else exact
+    while (other == guess or excess(other) * first > 0.0) and abs(other - guess) < most:
+        other, way = other - way, 2.0 * way
+    if abs(other - guess) < most:
+        other = float(brentq(excess, min(other, guess), max(other, guess), xtol=exact))
+    nearest = min(known, key=lambda by: abs(by - other), default=None)
+    if nearest is None or abs(nearest - other) > 2.0 * exact:
+        return None, guess
+    return known[nearest], nearest
