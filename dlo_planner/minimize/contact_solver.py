@@ -101,6 +101,7 @@ _ROLLING = 12
 # length apart, about one comes to bear; what sticks goes back exactly with it
 _LITTLE = 1e-4
 _KEPT, _KEPT_WELL = 9e-7, 2e-8  # of the length: violation there, and where no more is tried
+_UNSEEN = 5e-7   # of the length: how deep what does not bear yet may be, where no more is tried
 # How often limits of friction are set to those of the forces, and a relative change that is none
 _CYCLES, _SAME_LIMIT = 4, 1e-6
 _MOST_KICKS, _SAME = 10, 1e-6  # part of the unknowns: shapes that differ by less are one
@@ -411,7 +412,9 @@ def _rests_well(there, q, given, previous, left, tolerance, exact, max_iteration
     well = (_KEPT if has_inertia(there.effects.anchor) else _KEPT_WELL) * length  # it is gone soon
     if _bearing(firm.effects.contact.contacts) < _MANY:
         well = exact  # nothing but rounding errors stands against it
-    if not (rests and violation < well):
+    # (a point in the middle of an element may have come to an obstacle that bears nothing yet)
+    unseen = deepest(kkt_residual(there, q)[2])
+    if not (rests and violation < well and unseen < _UNSEEN * length):
         flow[0], reaction = 0.0, reaction_of(hold, row_count(there.needs.border))
         there, q, moves, left, _ = settle(there, q, previous, _RESTS_WELL,
                                           min(_MOST_FINER, max_iterations), np.inf, flow)

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.scenes import CABLE, GRAVITY, HELD, SCENES, beyond_cones, deepest, unbalanced
+from benchmarks.scenes import CABLE, GRAVITY, HELD, SCENES, beyond_cones, deepest, drawn, unbalanced
 from dlo_planner import DirectSimulator, FarEnd, Plane, Pose
 from dlo_planner.direct import statics
 from dlo_planner.direct.continuation import follow
@@ -102,6 +102,16 @@ def test_what_falls_among_obstacles_is_soon_at_rest(monkeypatch, name, count, st
         fell = fell or shape.jumped
     assert fell
     assert sum(made) < steps and len(made) < searches, (sum(made), len(made))
+
+
+def test_what_comes_to_lie_between_two_nodes_is_no_deeper_than_a_contact():
+    rod, bodies, poses = drawn('hose', 7)
+    direct, shape = DirectSimulator(rod, obstacles=bodies, basis='local', n_elements=64), None
+    for pose in poses:
+        shape = direct.solve(pose, shape)
+        assert shape.converged
+        # at ten places of each element, by distances of their own
+        assert deepest(shape, rod, bodies) < 6e-7 * rod.length
 
 
 def test_forces_go_along_to_another_mesh():
