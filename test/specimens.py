@@ -214,7 +214,8 @@ def arguments():
         'times': np.zeros(1), 'shapes': [shape], 'velocities': np.zeros((1, 9, 3)),
         'kinetic_energy': np.zeros(1), 'potential_energy': np.zeros(1), 'work': np.zeros(1),
         'losses': np.zeros((1, 3)), 'velocity': None, 'far_ends': None, 'tolerance': 1e-3,
-        'replay.tolerance': None, 'robustness.fittings': (), 'robustness.seen': 1e-3,
+        'replay.tolerance': None, 'robustness.fittings': (), 'robustness.seen': None,
+        'robustness.hand_stiffness': None,
         'Motion.status': 'complete', 'integrator': 'paper',
         # tasks
         'bore': hole, 'cutouts': [hole], 'socket': LEVEL, 'plug': known['Plug'],

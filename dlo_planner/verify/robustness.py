@@ -179,6 +179,9 @@ def robustness(simulator: DirectSimulator | GraspedInside, plan: Plan, uncertain
     stiffness = np.inf if hand_stiffness is None else number(
         'hand_stiffness', hand_stiffness, above=0, unit='N/m')
     camera = None if seen is None else number('seen', seen, minimum=0, unit='m')
+    for name, value in (('hand_stiffness', stiffness), ('seen', camera)):
+        if value not in (None, np.inf) and not fittings:
+            raise InvalidTask(f'{name} = {value:g}: expected None without the fittings of a Route')
     samples = integer('samples', samples, minimum=0, maximum=1_000_000)
     seed = integer('seed', seed, minimum=0, maximum=2**63)
     if executor is not None:

@@ -168,3 +168,11 @@ def test_fittings_are_those_of_the_route(fittings, says):
         robustness(DIRECT, plan(), Uncertainty(length=1e-3), fittings=fittings)
     with pytest.raises(InvalidTask, match='the fittings of its Route'):
         robustness(DIRECT, plan(), Uncertainty(length=1e-3))
+
+
+@pytest.mark.parametrize('given', [{'hand_stiffness': 500.0}, {'seen': 1e-4}])
+def test_what_only_samples_of_a_route_know_is_refused_of_other_plans(given):
+    stage = plan().stage_plans[0]
+    assert robustness(DIRECT, stage, Uncertainty(length=1e-4)).first_order.size == len(stage)
+    with pytest.raises(InvalidTask, match='expected None without the fittings'):
+        robustness(DIRECT, stage, Uncertainty(length=1e-4), **given)
