@@ -32,8 +32,8 @@ from dlo_planner import (
     Pose,
     Rod,
 )
+from dlo_planner.direct.grips import between
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import between
 from dlo_planner.tasks import Carry
 
 ROD = Rod.circular(1.0, 0.008, 1500, 5e7, 0.4, max_bend_curvature=1 / 0.04)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import dlo_planner
 from benchmarks.rows import Row
 from benchmarks.timing import Work
-from dlo_planner.direct import statics
+from dlo_planner.direct import equilibrium
 
 KEPT = Path(__file__).parent / 'counts.json'
 ALLOWED = 0.05  # of a count: another version of Python
@@ -43,7 +43,7 @@ def counted(calls: Iterable[Callable]) -> Counts:
     for call in calls:
         call()
     kernels = {_place(function.__code__) for function in _kernels()}
-    shape = statics.shape_from.__code__
+    shape = equilibrium.shape_from.__code__
     python = entered = steps = 0
 
     def look(frame, event, _):

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.equilibrium import corrected_by, past_of
 from dlo_planner.direct.self_passage import passed_between
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import corrected_by, past_of
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.execute.correction_checks import retargeted
 from dlo_planner.execute.limiter import frames_of, velocities

@@ -129,7 +129,7 @@ def calls_between_modules(run):
 # imports the caller's; returns, calls to a file that was entered before. It only shrinks.
 @pytest.mark.skipif(not COMPILED, reason='all kernels would be counted')
 @pytest.mark.parametrize(('options', 'limits'), [
-    ({'n_elements': 40}, (10, 1, 15)), ({}, (12, 1, 21))], ids=['mesh', 'accuracy'])
+    ({'n_elements': 40}, (10, 0, 15)), ({}, (12, 0, 21))], ids=['mesh', 'accuracy'])
 def test_a_warm_solve_walks_through_few_files(options, limits):
     wire = Rod.circular(0.6, 2e-3, 8960.0, 110e9, 0.34)
     simulator = DirectSimulator(wire, obstacles=[Sphere((0.3, 0, 0.16), 0.06)], **options)

@@ -27,15 +27,8 @@ from dlo_planner.direct.discretization import (
     nodes_at,
     with_breaks,
 )
-from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import (
-    LYING,
-    StepInputs,
-    corrected_by,
-    equilibrium,
-    past_of,
-    step,
-)
+from dlo_planner.direct.equilibrium import corrected_by, equilibrium, past_of
+from dlo_planner.direct.shape import LYING, Shape
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
 from dlo_planner.geometry.basis import equidistribute, truncation_error
@@ -52,7 +45,6 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hessian import Hessian, assemble, factorize, new_hessian, solve
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.holds import places_of
-from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import Surroundings
 from dlo_planner.model.value import Constant, changed, freeze, same
 
@@ -61,12 +53,10 @@ _MANY = 512  # elements: a DLO whose error is not known with so many is given up
 _FIRST_TERMS, _MOST_TERMS = 12, 48
 _PER_BEND = 2.5  # elements on (EI / weight per length)^(1/3), over which a soft DLO bends
 _FORESEEN = 2e-3  # the same, of what is expected on a finer mesh
-_DOUBTFUL = 2.0  # times the accuracy: what is expected to be off by more is off
 _TURNED = 0.1  # rad: it is another equilibrium
 _DEFAULT = 1e-3  # of the length
 _SOFT = 27.0      # F L^2 / EI: a DLO that is softer hangs down near the gripper
 _LEAST = 0.15     # of that: one that is held at both ends is not as narrow as it is soft
-_OF_FIRST_SET = 0.25  # part of the accuracy: what is wanted where a DLO begins to yield
 _ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is aimed at
 _AIM = 0.6         # the same, where the error is foreseen
 _CLEARLY, _RUBBED = 0.7, 0.35  # the same, of one step on a finer mesh; with friction
@@ -79,84 +69,9 @@ _STABLE = 0.1    # a shape that is less stable magnifies errors
 _BEARS = 5e-4    # of the length: below, where it bears on an obstacle may be off by more than bends
 
 
-def accurate_equilibrium(first: Discretization, fine: str, wanted: float, gripper: Pose,
-                         initial: Shape | None, how: StepInputs) -> Shape:
-    """Return a Shape on a mesh for the accuracy `wanted`, m: `first`, or better ones in `fine`.
-
-    Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
-    A shape that misses the accuracy on the largest mesh says so: `converged` is False. What is in
-    contact may miss it on any: that is for `judged` to say, at the end of a step.
-    """
-    accuracy, holds = wanted, how.holds
-    inside = places_of(holds) if holds and holds[0].s is not None else ()
-    if inside:
-        fine = 'local'  # see `Discretization.with_nodes`
-    mesh = mesh_to_begin_with(first, fine, accuracy, initial, how.memory)
-    if holds:
-        from dlo_planner.direct.taut import bent_mesh  # noqa: PLC0415  (SciPy: a free DLO needs none)
-        if first.obstructed and initial is None:
-            mesh = _fine_enough_to_bend(mesh, fine)
-        mesh = bent_mesh(mesh.with_nodes(inside) if inside else mesh, gripper, holds, fine)
-    begin, start, kicks, expected = initial, None, 0, np.inf
-    while True:
-        shape = step(mesh, gripper, begin, how, start)
-        if not shape.converged and not (begin is initial and start is None):
-            # a coarser mesh has led nowhere
-            shape = step(mesh, gripper, initial, how)
-        kicks += shape.state.kicks
-        if kicks > shape.state.kicks:  # those on the meshes before count as well
-            shape = changed(shape, state=changed(shape.state, kicks=kicks))
-        if not shape.converged:
-            finer = None
-            if shape.hinge is not None and shape.outlier is None:  # these elements may be too long
-                finer = refined(mesh, fine, shape, accuracy)
-            if finer is None:
-                return shape
-            mesh, start, expected = finer.with_nodes(inside) if inside else finer, None, np.inf
-            continue
-        if kicks and how.most < np.inf and not shape.state.culled:  # a fall is made in parts
-            return shape
-        if shape.dissipated:
-            lasts = _made_with_a_set(shape)
-            if lasts and (fine == 'local' or initial is not None and mesh == initial.state.mesh):
-                return shape
-            accuracy = (1.0 if lasts else _OF_FIRST_SET) * wanted
-        if expected < np.inf:
-            shape = _with_error_confirmed(shape, expected)
-        # the first mesh is hardly ever fine enough: then nothing else is computed on it
-        new = mesh is first and (initial is None or initial.state.mesh != mesh)
-        better = None
-        if new and fine == 'local' and not surely_within(shape, accuracy):
-            better = foreseen(shape, accuracy, _DOUBTFUL)
-        if better is None:
-            kinked = shape.dissipated and mesh.basis != fine  # no series follows where it yields
-            if not kinked and fine_enough(shape, accuracy):
-                return shape
-            better = foreseen(shape, accuracy) if fine == 'local' else None
-        if better is not None:
-            mesh, start, expected = better
-        else:
-            finer = refined(mesh, fine, shape, accuracy)
-            if finer is None:
-                return judged(shape, wanted)
-            mesh, start, expected = finer.with_nodes(inside) if inside else finer, None, np.inf
-        if not _way_counts(shape, initial):
-            begin = shape  # a better start; else the step is made again
-
-
-def _made_with_a_set(shape: Shape) -> bool:
-    """Whether a DLO was bent for good before the step that made a Shape."""
+def made_with_a_set(shape: Shape) -> bool:
+    """Return whether a DLO was bent for good before the step that made a Shape."""
     return shape.state.before is not None and shape.state.before.has_set
-
-
-def _way_counts(shape: Shape, initial: Shape | None) -> bool:
-    """Whether a Shape depends on the way that led to it, and not only where that ended."""
-    around, held = shape.state.made_on.surroundings, bool(shape.holds)
-    if shape.state.culled:
-        return held and initial is not None
-    rubs = any(one.friction for one in around.obstacles)
-    return bool(around.rod.yields
-                or (around.obstacles or held) and (initial is not None or rubs))
 
 
 def fine_enough(shape: Shape, accuracy: float) -> bool:
@@ -207,7 +122,7 @@ def _freed(shape: Shape) -> Shape:
                        shape.state.history, shape.holds, culled=shape.state.culled)
 
 
-def _fine_enough_to_bend(mesh: Discretization, fine: str) -> Discretization:
+def fine_enough_to_bend(mesh: Discretization, fine: str) -> Discretization:
     """Return a Discretization whose elements can bend round obstacles under the DLO's weight."""
     weight = np.linalg.norm(mesh.load)
     length, around = mesh.s[-1], mesh.surroundings
@@ -291,7 +206,7 @@ def refined(mesh: Discretization, fine: str, shape: Shape,
     if from_mesh > 0.8 * _MARGIN * accuracy:
         growth = np.clip(np.sqrt(from_mesh / (0.5 * _MARGIN * accuracy)), 1.2, 2.5)
         wanted = min(int(np.ceil(growth * elements)), _MOST_ELEMENTS)
-        if not _made_with_a_set(shape):
+        if not made_with_a_set(shape):
             s = graded_mesh(s, bent, wanted, around.breaks)
     if terms == mesh.n_terms and s.size == mesh.s.size:
         return None
@@ -396,7 +311,7 @@ def _spread_load(mesh: Discretization) -> Floats:
     return spread
 
 
-def _with_error_confirmed(shape: Shape, expected: float) -> Shape:
+def with_error_confirmed(shape: Shape, expected: float) -> Shape:
     """Return a Shape with its error to leading order, if that is the `expected` one, m.
 
     Two meshes that differ and agree on it have it right; else halved elements will tell, which

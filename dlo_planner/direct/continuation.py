@@ -21,16 +21,11 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from dlo_planner.direct.discretization import SAMPLES, stretched
+from dlo_planner.direct.energy_balance import work_of_grips
+from dlo_planner.direct.equilibrium import equilibrium
+from dlo_planner.direct.grips import Grips, frame_inside, grips_at
 from dlo_planner.direct.self_passage import has_passed
-from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import (
-    LYING,
-    Grips,
-    equilibrium,
-    frame_inside,
-    grips_at,
-    work_of_grips,
-)
+from dlo_planner.direct.shape import LYING, Shape
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
 from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed, transposed_times
@@ -68,52 +63,59 @@ _TURNED = np.cos(0.5)   # rad: a normal that turns more is another contact, as b
 _STEEPEST = 30.0
 
 
-def follow(solve: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
-           at_once: bool = False) -> Shape:
+def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
+           at_once: bool = False, halvings: int | None = None, tried: Shape | None = None) -> Shape:
     """Return the Shape at `gripper` that continues `previous`; its `jumped` says if none does.
 
     None does where, in parts of the step however short, it changes more than these can cause,
     loses energy that neither work nor friction accounts for, or comes from an unstable shape: that
     has lost its stability there, and the DLO takes one of several sides (a pitchfork).
+
+    Args:
+        take: takes a step
+        previous: Shape before the step
+        gripper, holds: where the grips are to be
+        at_once: whether what hangs freely goes in one step however far the gripper turns
+        halvings: how often a part of a step may be made in halves; None: it is the whole step
+        tried: Shape of this part, if it is known
     """
-    mesh = previous.state.mesh
-    if mesh is not None and mesh.surroundings.pinned:  # the DLO does not turn with a ball joint
-        gripper = Pose.from_rotation(gripper.position, previous.gripper.rotation)
-    return _followed(solve, previous, Grips(gripper, holds), at_once, None)
-
-
-def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
-              halvings: int | None, tried: Shape | None = None) -> Shape:
-    """Return what `follow` does."""
-    last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
-    if goal.holds and have_rings(goal.holds):
-        goal = goal._replace(holds=carried_on(goal.holds, previous.holds))
+    whole, last = halvings is None, halvings == 0
+    if whole:
+        mesh = previous.state.mesh
+        if mesh is not None and mesh.surroundings.pinned:  # the DLO turns in a ball joint
+            gripper = Pose.from_rotation(gripper.position, previous.gripper.rotation)
+    if holds and have_rings(holds):
+        holds = carried_on(holds, previous.holds)
+    goal = Grips(gripper, holds)
     way = _way(previous, goal)
-    lying = (len(previous.contacts) >= LYING and not goal.holds and not last
-             and way.size > 2.0 * _SHORTEST_LYING and not _is_long(way, True, at_once))
-    if lying:
-        even, half, end = _evenly(solve, previous, goal)
+    touched = bool(previous.contacts)
+    if (len(previous.contacts) >= LYING and not holds and not last
+            and way.size > 2.0 * _SHORTEST_LYING and not _is_long(way, True, at_once)):
+        even, half, end = _evenly(take, previous, goal)
         if even and not _comes_off(previous, end):
-            shape = _led(previous, end)
-            if shape.passed_itself is False:
-                return shape
-            shape = None
-        failed = not (half.converged or half.state.kicks)
-    elif last or not _is_long(way, bool(previous.contacts), at_once):
-        in_contact = bool(previous.contacts) and not goal.holds
-        if previous.contacts and not last:
+            there = _led(previous, end)
+            if there.passed_itself is False:
+                return there
+        return _in_parts(take, previous, goal, way, halvings, None, half,
+                         not (half.converged or half.state.kicks), np.inf)
+    shape: Shape | None = None
+    first: Shape | None = None
+    most, failed = np.inf, False
+    if last or not _is_long(way, touched, at_once):
+        in_contact = touched and not holds
+        if touched and not last:
             most = _most_in_contact(way)
-        elif not (last or at_once or previous.contacts or goal.holds):
+        elif not (last or at_once or touched or holds):
             most = _DISCONTINUITY + _FOLLOWING * way.turn
         if tried is None or last and tried.state.kicks:
-            tried = solve(goal.gripper, previous, goal.holds, most)
+            tried = take(gripper, previous, holds, most)
         shape = tried
         # (what is straight behind a grip goes with it, and may be stopped by the DLO)
         swept = shape.state.mesh is not None and shape.state.mesh.touches_itself
         if not (shape.converged or shape.state.kicks) and (
-                shape.jumped or goal.holds and halvings is None and not swept):
+                shape.jumped or holds and whole and not swept):
             return shape  # it went in parts already: the way is blocked, or out of reach
-        good, touches = sound(previous, shape, way), bool(previous.contacts or shape.contacts)
+        good, touches = sound(previous, shape, way), touched or bool(shape.contacts)
         if good and (last or not _changes(previous, shape)):
             if last or not shape.contacts or not _is_long(way, touches, at_once):
                 shape = _led(previous, shape)
@@ -124,33 +126,49 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
         elif ((good or in_contact and _keeps_energy(previous, shape))
               and not _is_long(way, touches, at_once)
               and not (way.size > _OFF and _comes_off(previous, shape))):
-            agree, half, end = _by_halves(solve, previous, goal, shape)
+            agree, first, end = _by_halves(take, previous, goal, shape)
             if agree:  # (the longer a step, the more friction depends on its parts)
                 shape = _led(previous, shape if good else end)
                 if way.size <= _OFF or shape.passed_itself is False:
                     return shape
-        failed = not shape.converged and (
-            most == np.inf or bool(previous.contacts) and not shape.state.kicks)
+        failed = not shape.converged and (most == np.inf or touched and not shape.state.kicks)
+    return _in_parts(take, previous, goal, way, halvings, shape, first, failed, most)
+
+
+def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halvings: int | None,
+              shape: Shape | None, half: Shape | None, failed: bool, most: float) -> Shape:
+    """Return what `follow` does, in two halves.
+
+    Args:
+        take, previous, goal, way, halvings: of `follow`
+        shape: what the step leads to at once, if that has been looked for
+        half: what its first half leads to, the same
+        failed: whether no equilibrium is found at once
+        most: see `StepInputs`: with which `shape` was found
+    """
     whole = halvings is None
     if halvings is None:
         shortest = _SHORTEST_LYING if len(previous.contacts) >= LYING else _SHORTEST
         parts = max(way.size / shortest, 1.0)
         halvings = min(max(ceil(log2(parts)), _LEAST), _MOST)
     left = (min(halvings, _FAILURES) if failed else halvings) - 1
-    middle = _followed(solve, previous, _partway(previous, goal), False, left, half)
+    there = _partway(previous, goal)
+    middle = follow(take, previous, there.gripper, there.holds, False, left, half)
+    lying = shape is None and half is not None  # two halves of what lies were looked at
     if not middle.converged:
         if shape is None and not (whole and lying):
             return _jumped(middle)
-        return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most, whole)))
+        return _led(previous, _jumped(_to_its_end(take, previous, goal, shape, most, whole)))
     while True:
         if (not whole and middle.jumped and left >= _AFTER and middle.state.culled
                 and not goal.holds):
             return middle  # what is left of the way is for the step that all of it began with
-        rest = _followed(solve, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
+        rest = follow(take, middle, goal.gripper, goal.holds, False,
+                      min(left, _AFTER) if middle.jumped else left)
         if not rest.converged and (whole and lying if shape is None else
                                    whole or shape.converged):
             # the whole step may have an end, which its parts do not reach
-            return _led(previous, _jumped(_to_its_end(solve, previous, goal, shape, most, whole)))
+            return _led(previous, _jumped(_to_its_end(take, previous, goal, shape, most, whole)))
         short = rest.jumped and rest.state.culled and rest.gripper is not goal.gripper
         jumped, passed = rest.jumped or middle.jumped, _either(middle, rest)
         if (not short and shape is not None and shape.converged and shape.state.culled
@@ -180,7 +198,7 @@ def _either(one: Shape, other: Shape) -> bool | float:
                 next((passed for passed in both if passed is not False), False))
 
 
-def _evenly(solve: Equilibrium, previous: Shape, goal: Grips) -> tuple[bool, Shape, Shape]:
+def _evenly(take: Equilibrium, previous: Shape, goal: Grips) -> tuple[bool, Shape, Shape]:
     """Return whether two half steps change a DLO that lies about as much; the Shapes after them.
 
     What is discontinuous is so in one of them. Its friction depends on how long steps are, and
@@ -188,17 +206,17 @@ def _evenly(solve: Equilibrium, previous: Shape, goal: Grips) -> tuple[bool, Sha
     """
     there = _partway(previous, goal)
     most = _most_in_contact(_way(previous, there))
-    first = solve(there.gripper, previous, there.holds, most)
+    first = take(there.gripper, previous, there.holds, most)
     if not _keeps_energy(previous, first):
         return False, first, first
-    end = solve(goal.gripper, first, goal.holds, most)
+    end = take(goal.gripper, first, goal.holds, most)
     if not _keeps_energy(first, end):
         return False, first, first
     change = max(shape_change(previous, first), shape_change(first, end))
     return (change <= max(_DISCONTINUITY_OFF, _EVENLY * shape_change(previous, end)), first, end)
 
 
-def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
+def _by_halves(take: Equilibrium, previous: Shape, goal: Grips,
                shape: Shape) -> tuple[bool, Shape, Shape]:
     """Return whether two half steps lead to `shape` as well; and the Shapes after these.
 
@@ -208,10 +226,10 @@ def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
     in_contact = bool(previous.contacts) and not goal.holds
     most = _most_in_contact(_way(previous, there)) if previous.contacts else np.inf
     follows = _keeps_energy if in_contact else sound
-    first = solve(there.gripper, previous, there.holds, most)
+    first = take(there.gripper, previous, there.holds, most)
     if not follows(previous, first, _way(previous, there)):
         return False, first, first
-    end = solve(goal.gripper, first, goal.holds, most)
+    end = take(goal.gripper, first, goal.holds, most)
     agree = (follows(first, end, _way(first, goal)) and not _changes(shape, end)
              and shape_change(shape, end) <= _SAME)
     if agree:
@@ -220,7 +238,7 @@ def _by_halves(solve: Equilibrium, previous: Shape, goal: Grips,
     return agree, first, end
 
 
-def _to_its_end(solve: Equilibrium, previous: Shape, goal: Grips, shape: Shape | None,
+def _to_its_end(take: Equilibrium, previous: Shape, goal: Grips, shape: Shape | None,
                 most: float, whole: bool) -> Shape:
     """Return where a step leads that was given up, or is a fall; else its Shape as it is.
 
@@ -230,7 +248,7 @@ def _to_its_end(solve: Equilibrium, previous: Shape, goal: Grips, shape: Shape |
     if shape is not None and (most == np.inf or (
             not shape.state.kicks if shape.converged else not whole)):
         return shape
-    return solve(goal.gripper, previous, goal.holds, np.inf)
+    return take(goal.gripper, previous, goal.holds, np.inf)
 
 
 def _jumped(shape: Shape) -> Shape:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.discretization import Discretization, Memory
+from dlo_planner.direct.equilibrium import equilibrium, past_of
 from dlo_planner.direct.integrator import (
     DAMPED,
     FRICTION_LOSS,
@@ -30,14 +31,7 @@ from dlo_planner.direct.integrator import (
 from dlo_planner.direct.motion import Deferred, Motion
 from dlo_planner.direct.search import KEPT, MAX_ITERATIONS, Search
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import equilibrium, past_of
-from dlo_planner.direct.stepper import (
-    MOST,
-    Acceptance,
-    StepBatch,
-    Stepper,
-    TimePoint,
-)
+from dlo_planner.direct.stepper import MOST, Acceptance, StepBatch, Stepper, TimePoint
 from dlo_planner.energy.gap import penetration_of_point, penetrations_of_points
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.errors import InvalidTask

@@ -11,8 +11,8 @@ import numpy as np
 
 from dlo_planner.direct.accuracy import hanging_surely_within
 from dlo_planner.direct.discretization import Discretization, unknown_scale
+from dlo_planner.direct.equilibrium import acts_at
 from dlo_planner.direct.search import MAX_ITERATIONS, TOLERANCE
-from dlo_planner.direct.statics import acts_at
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.problem import Problem

@@ -229,6 +229,13 @@ class Feed(NamedTuple):
     trouble: str       # in words, why it does not stay so; '' where it does
 
 
+class Try(NamedTuple):
+    """A strategy by which a step was sought, and how that ended; see `Shape.tried`."""
+
+    strategy: str
+    end: str
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class State(Value):
     """What a Shape carries along, opaque to users; equal if the next step begins with one past."""
@@ -241,6 +248,7 @@ class State(Value):
     kicks: int = field(default=0, compare=False)  # how often the search for it left a saddle
     overspent: float = field(default=0.0, compare=False)  # J, see `statics.overspent`
     feed: Feed | None = field(default=None, compare=False)  # None: there is no ring
+    tried: tuple[Try, ...] = field(default=(), compare=False)  # strategies of the last step
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Discretization):  # else a simulator made it
@@ -286,6 +294,7 @@ class State(Value):
 UNKNOWN = State()
 
 
+LYING = 4  # contacts at least, of a DLO that lies on something
 NO_WRENCH = np.zeros(6)  # of what is not held
 NO_WRENCHES = np.zeros((0, 6))
 freeze((NO_WRENCH, NO_WRENCHES))
@@ -502,6 +511,27 @@ class Shape(Pictured):
         cause = self.impossible or self._cause()
         return (f'not converged{", jumped" if self.jumped else ""}: {figures}'
                 + (f'; {cause}' if cause else ''))
+
+    @property
+    def tried(self) -> tuple[Try, ...]:
+        """Strategies by which its last step was sought, in their order, and how each ended.
+
+        Each is a pair of `strategy` and `end`; () if another than a simulator made the shape. Of a
+        way in parts they are those of the last part. Strategies are
+
+        * 'free': as if nothing acted but dead loads; then that is looked at;
+        * 'bearing on': what it touches bears it as in the shape before, a little elsewhere;
+        * 'near': held as before, a little elsewhere;
+        * 'moved': the grips are moved from where they were, around obstacles, in small parts;
+        * 'set down': without a shape before, it is brought into its grips, then among obstacles;
+        * 'by parts': what is between two grips is sought by itself, then all together;
+        * 'from elsewhere': it falls onto the obstacles from above, or swings against them;
+        * 'paper': the series describe the paper's (q_d, q_kappa, q_tau).
+
+        Ends are 'found', 'not near', 'not converged', and 'something acts': an obstacle, its yield
+        stress or it itself, which the strategy leaves out.
+        """
+        return self.state.tried
 
     @property
     def _passage_in_words(self) -> str:

@@ -6,14 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from inspect import signature
 from typing import Any, Self
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.accuracy import (
-    accurate_equilibrium,
     default_accuracy,
     fine_enough,
     first_mesh,
@@ -21,7 +20,7 @@ from dlo_planner.direct.accuracy import (
     mesh_to_begin_with,
 )
 from dlo_planner.direct.boundary_motion import held_by, moving_grips, poses
-from dlo_planner.direct.continuation import follow
+from dlo_planner.direct.continuation import Equilibrium, follow
 from dlo_planner.direct.discretization import Discretization, Memory, even_mesh
 from dlo_planner.direct.dynamics import (
     InitialConditions,
@@ -38,7 +37,7 @@ from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.search import METHODS, STRAINS
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import StepInputs, step
+from dlo_planner.direct.statics import StepInputs, StepSolver, step
 from dlo_planner.direct.stepper import Stepper
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.basis import BASES, converging
@@ -51,7 +50,7 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import STANDARD_GRAVITY, AnyLoad, Surroundings
 from dlo_planner.model.value import Value, brief, figures, put, same
 from dlo_planner.model.varying import stepwise
-from dlo_planner.progress import INTERRUPT, OnProgress, Progress, interrupted_by
+from dlo_planner.progress import OnProgress, Progress, interrupted_by
 
 _FARTHEST = 10  # of the length: from where what is held may be brought
 
@@ -373,7 +372,7 @@ class DirectSimulator(Value):
         try:
             if initial is None or not (made_by(self, initial) or initial.state.kept):
                 return self._equilibrium(gripper, initial, held)
-            return self._followed(initial, gripper, held, at_once=True)
+            return self._judged(follow(self._taken_by(held), initial, gripper, held, True))
         except SystemError as error:  # a signal that had to wait for the end of a kernel
             raise _signal(error) from None
 
@@ -418,7 +417,7 @@ class DirectSimulator(Value):
                 if before is None:
                     shape = self._equilibrium(gripper, initial, there)
                 else:
-                    shape = self._followed(before, gripper, there)
+                    shape = self._judged(follow(self._taken_by(there), before, gripper, there))
                 shapes.append(shape)
                 if shape.converged or shape.nearly:  # a failure is reported, not carried on
                     initial = shape
@@ -501,12 +500,7 @@ class DirectSimulator(Value):
 
     def _equilibrium(self, gripper: Pose, initial: Shape | None, holds: Holds) -> Shape:
         """Return the Shape of a step as it is."""
-        return self._judged(self._step(gripper, initial, holds))
-
-    def _followed(self, previous: Shape, gripper: Pose, holds: Holds,
-                  at_once: bool = False) -> Shape:
-        """Return what `continuation.follow` does."""
-        return self._judged(follow(self._step, previous, gripper, holds, at_once))
+        return self._judged(self._taken_by(holds)(gripper, initial, holds))
 
     def _judged(self, shape: Shape) -> Shape:
         """Return a Shape that is `converged` only within the accuracy that was asked for."""
@@ -514,23 +508,14 @@ class DirectSimulator(Value):
             return shape
         return judged(shape, self.accuracy)
 
-    def _step(self, gripper: Pose, initial: Shape | None, holds: Holds,
-              most: float = np.inf) -> Shape:
-        """Return the Shape of a step; `most` as in `step.StepInputs`."""
-        check = INTERRUPT.get()
-        if check is not None:  # a pose that is far, or a fall, takes many steps
-            check()
-        how = StepInputs(self._history, holds, self.method, self.strains, most)
+    def _taken_by(self, holds: Holds) -> Equilibrium:
+        """Return what takes steps of the DLO in these holds."""
+        solver = StepSolver(self._discretization, self._fine, self.accuracy, self._history,
+                            self.method, self.strains)
         if holds and have_rings(holds):
             from dlo_planner.direct.sliding import slid  # noqa: PLC0415  (no other DLO needs it)
-            return slid(self._discretization, self._fine, self.accuracy, gripper, initial, how)
-        if self.accuracy is None:
-            mesh = self._discretization
-            if holds and holds[0].s is not None:  # (the tip's is the last)
-                mesh = mesh.with_nodes(places_of(holds))
-            return step(mesh, gripper, initial, how)
-        return accurate_equilibrium(self._discretization, self._fine, self.accuracy, gripper,
-                                    initial, how)
+            return partial(slid, solver)
+        return solver.take
 
     def _settled(self, shape: Shape | None) -> Shape | None:
         """Return what a Shape or None, made anywhere, becomes here in its grippers; or None."""

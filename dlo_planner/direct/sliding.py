@@ -27,11 +27,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.accuracy import accurate_equilibrium, fine_enough, refined
+from dlo_planner.direct.accuracy import fine_enough, refined
 from dlo_planner.direct.discretization import Discretization, stretched
+from dlo_planner.direct.equilibrium import halved
+from dlo_planner.direct.grips import Grips, grips_at
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Feed, Shape
-from dlo_planner.direct.statics import Grips, StepInputs, grips_at, halved, step
+from dlo_planner.direct.statics import StepInputs, StepSolver, step
 from dlo_planner.energy.loads import node_forces, node_masses
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.newton import HELD_NEUTRAL
@@ -78,21 +80,21 @@ _HALVINGS = 5         # of a step that is not found in one
 _REFINED = 4          # meshes that are tried for an accuracy
 
 
-def slid(first: Discretization, fine: str, accuracy: float | None, gripper: Pose,
-         initial: Shape | None, how: StepInputs) -> Shape:
-    """Return the Shape that follows `initial` (a Shape or None) where the DLO slides through rings.
+def slid(solver: StepSolver, gripper: Pose, initial: Shape | None, holds: Holds,
+         most: float = np.inf) -> Shape:
+    """Return what `StepSolver.take` does where the DLO slides through rings.
 
-    Its holds have the places that are in the rings then. `accuracy`: m; None: on the mesh `first`.
+    Its holds have the places that are in the rings then.
 
     Raises
     ------
     InvalidTask
         Something acts with which nothing is known to slide.
     """
-    _refuse(first.surroundings)
+    _refuse(solver.first.surroundings)
 
     def follow(before: Shape | None, goal: Grips, halvings: int) -> Shape:
-        rings = _Rings(first, fine, accuracy, goal, before, how)
+        rings = _Rings(solver, goal, before, most)
         shape = rings.found()
         if shape.converged or before is None or not halvings or not rings.reached or not (
                 before.converged and alike(before.holds, goal.holds)):
@@ -105,7 +107,7 @@ def slid(first: Discretization, fine: str, accuracy: float | None, gripper: Pose
         rest = follow(middle, goal, halvings - 1)
         return _after(middle, rest) if rest.converged else shape
 
-    return follow(initial, Grips(gripper, how.holds), _HALVINGS)
+    return follow(initial, Grips(gripper, holds), _HALVINGS)
 
 
 def _after(one: Shape, other: Shape) -> Shape:
@@ -140,17 +142,18 @@ class _Place(NamedTuple):
 class _Rings:
     """One step of a DLO that slides through n rings."""
 
-    def __init__(self, first: Discretization, fine: str, accuracy: float | None, goal: Grips,
-                 initial: Shape | None, how: StepInputs) -> None:
-        self._first, self._fine, self._accuracy = first, fine, accuracy
-        self._gripper, self._how, self._initial = goal.gripper, how, initial
-        self._length = float(first.s[-1])
+    def __init__(self, solver: StepSolver, goal: Grips, initial: Shape | None,
+                 most: float) -> None:
+        self._solver, self._most = solver, most
+        self._first, self._accuracy = solver.first, solver.accuracy
+        self._gripper, self._initial = goal.gripper, initial
+        self._length = float(self._first.s[-1])
         self._holds = carried_on(goal.holds, () if initial is None else initial.holds)
         self._index: Ints = np.array([k for k, hold in enumerate(self._holds) if hold.is_ring])
         rings = [self._holds[k] for k in self._index]
         self._begin: Floats = np.array([hold.s for hold in rings], dtype=float)
         self._slip: Floats = np.array([hold.slip for hold in rings])
-        self._bend = float(first.free.stiffness[:, 1:].min()) / self._length**3  # N/m
+        self._bend = float(self._first.free.stiffness[:, 1:].min()) / self._length**3  # N/m
         self._steps = self._kicks = 0
         self.reached = True  # whether all is within reach, whatever is in the rings
         self._matrix: Floats | None = None  # (n, n) d2E/ds2, N/m; nan where it is not known
@@ -202,12 +205,7 @@ class _Rings:
             if self._accuracy is not None or np.diff(mesh.s).max() <= (
                     _STRETCHED * np.diff(first.s).max()):
                 return self._moved(before, places)
-        holds = self._held(places)
-        how = self._how._replace(holds=holds)
-        if self._accuracy is None:
-            return step(self._first.with_nodes(places_of(holds)), self._gripper, before, how)
-        return accurate_equilibrium(self._first, self._fine, self._accuracy, self._gripper, before,
-                                    how)
+        return self._solver.take(self._gripper, before, self._held(places), self._most)
 
     def _moved(self, before: Shape, places: Floats) -> Shape:
         """Return the Shape held at places (n,), from one that is held at others."""
@@ -215,14 +213,14 @@ class _Rings:
         mesh = stretched(before.state.made_on, before.holds, holds, self._first)
         alike_nodes = mesh.s.size == before.s.size
         return step(mesh, self._gripper, changed(before, holds=holds),
-                    self._how._replace(holds=holds),
+                    self._solver.inputs(holds, self._most),
                     before.element_strains if alike_nodes else None)
 
     def _on(self, mesh: Discretization, here: _Place) -> Shape:
         """Return the Shape at the same places on another mesh."""
         holds = here.shape.holds
         return step(mesh.with_nodes(places_of(holds)), self._gripper, here.shape,
-                    self._how._replace(holds=holds))
+                    self._solver.inputs(holds, self._most))
 
     def _held(self, places: Floats) -> Holds:
         """Return what holds the DLO with places (n,) in the rings, and does not slide."""
@@ -257,7 +255,7 @@ class _Rings:
         goal = Grips(self._gripper, self._held(self._begin))
         near = Grips(before.gripper, before.holds).towards(goal, _PART)
         there = step(before.state.made_on, near.gripper, before,
-                     self._how._replace(holds=near.holds), before.element_strains)
+                     self._solver.inputs(near.holds, self._most), before.element_strains)
         if not there.converged or not np.isfinite(matrix).all():
             return None
         rate = ((material_slope(there) - known.forces)[self._index] / _PART)[slides]

@@ -20,6 +20,7 @@ import numpy as np
 
 from dlo_planner.direct.boundary_motion import BoundaryMotion
 from dlo_planner.direct.discretization import Discretization, Memory
+from dlo_planner.direct.equilibrium import acts_at, reach_of, shape_from
 from dlo_planner.direct.integrator import (
     AFTER,
     CONTACT_WORK,
@@ -46,7 +47,6 @@ from dlo_planner.direct.integrator import (
 from dlo_planner.direct.search import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE, minimum_by
 from dlo_planner.direct.self_passage import TURNING
 from dlo_planner.direct.shape import Shape, State, self_contacts_of
-from dlo_planner.direct.statics import acts_at, reach_of, shape_from
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
 from dlo_planner.energy.problem import Problem

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.boundary_motion import ends_of, poses
+from dlo_planner.direct.grips import between
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import between
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, direction, instance, items, number, row, shown, vector

@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.equilibrium import equilibrium, shape_of
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import equilibrium, shape_of
 from dlo_planner.energy.gap import along_the_dlo
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.problem import Configuration

@@ -22,9 +22,9 @@ from scipy.optimize import brentq
 from scipy.spatial import ConvexHull
 
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.equilibrium import shape_of
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import shape_of
 from dlo_planner.energy.potential import configuration_at, evaluate
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
 from dlo_planner.geometry.so3 import (

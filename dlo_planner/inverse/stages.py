@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from dlo_planner.direct.grips import Grips
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import Grips
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.task import PlanContext
 from dlo_planner.model.arrays import Floats

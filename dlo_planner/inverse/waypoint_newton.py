@@ -26,10 +26,10 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.continuation import largest_turn_between
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.equilibrium import UNWATCHED, hanging_shape
 from dlo_planner.direct.search import TOLERANCE
 from dlo_planner.direct.shape import Shape, check_movable
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import UNWATCHED, hanging_shape
 from dlo_planner.energy.potential import evaluate, project, unknowns_of
 from dlo_planner.energy.problem import (
     Configuration,

@@ -16,8 +16,8 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from dlo_planner.direct.grips import between
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import between
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, shown

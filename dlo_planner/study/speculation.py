@@ -27,12 +27,12 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.boundary_motion import poses
 from dlo_planner.direct.continuation import LONGEST_TURN, surely_follows
+from dlo_planner.direct.equilibrium import equilibrium, past_of
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.search import TOLERANCE
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, made_by, motion_by
-from dlo_planner.direct.statics import equilibrium, past_of
 from dlo_planner.direct.stepper import NO_GUESS, Acceptance, StepBatch, Stepper, TimePoint
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration

@@ -22,9 +22,10 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
 from dlo_planner.direct.discretization import Discretization, with_breaks
 from dlo_planner.direct.dynamics import IntegrationOptions, first_shape, run
+from dlo_planner.direct.equilibrium import equilibrium
+from dlo_planner.direct.grips import between
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import between, equilibrium
 from dlo_planner.direct.stepper import Stepper, TimePoint
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.model.arrays import Floats

@@ -21,9 +21,9 @@ from scipy.interpolate import make_interp_spline
 
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.equilibrium import equilibrium
 from dlo_planner.direct.sensitivity import HangingSensitivities, Sensitivity
 from dlo_planner.direct.shape import Shape, kernel_arrays
-from dlo_planner.direct.statics import equilibrium
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import part_of_element

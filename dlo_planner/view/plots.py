@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dlo_planner.direct import statics
+from dlo_planner.direct import grips
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask, MissingExtra
@@ -201,7 +201,7 @@ def between(value: Plan | Motion, painted: Sequence[Coloring],
     one, other = value.shapes[k], value.shapes[after]
     return ((1 - share) * one.positions + share * other.positions,
             (1 - share) * painted[k].colors + share * painted[after].colors,
-            statics.between(one.gripper, other.gripper, share))
+            grips.between(one.gripper, other.gripper, share))
 
 
 def checked_path(path: str | PathLike[str]) -> Path:

@@ -10,7 +10,7 @@ from references.kirchhoff import true_held_rod, true_rod
 
 from dlo_planner import Box, Capsule, DirectSimulator, FarEnd, PointLoad, Pose, Rod
 from dlo_planner.direct import accuracy as accuracy_module
-from dlo_planner.direct import statics
+from dlo_planner.direct import equilibrium, statics
 from dlo_planner.direct.accuracy import mode_may_be_missed, surely_within
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
@@ -79,8 +79,8 @@ def test_a_mesh_that_was_found_at_once_is_fine_enough():
 @pytest.mark.parametrize('tip_mass', [0.0, 1.0])
 def test_the_last_mesh_is_the_second_and_the_shape_is_foreseen_there(tip_mass, monkeypatch):
     wire = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, tip_mass=tip_mass)
-    searches, search = [], accuracy_module.step
-    monkeypatch.setattr(accuracy_module, 'step',
+    searches, search = [], statics.step
+    monkeypatch.setattr(statics, 'step',
                         lambda *given: searches.append(1) or search(*given))
     simulator = DirectSimulator(wire, accuracy=1e-6)
     shape = simulator.solve(LEVEL)
@@ -91,8 +91,9 @@ def test_the_last_mesh_is_the_second_and_the_shape_is_foreseen_there(tip_mass, m
 
 def test_an_error_that_two_meshes_agree_on_is_not_looked_for_on_a_third(monkeypatch):
     rod = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
-    simulator, error_of, asked = DirectSimulator(rod, accuracy=1e-6), statics.estimated, []
-    monkeypatch.setattr(statics, 'estimated', lambda *given: asked.append(1) or error_of(*given))
+    simulator, error_of, asked = DirectSimulator(rod, accuracy=1e-6), equilibrium.estimated, []
+    monkeypatch.setattr(equilibrium, 'estimated',
+                        lambda *given: asked.append(1) or error_of(*given))
     shape = simulator.solve(LEVEL)
     error = shape.error_estimate
     assert not asked
@@ -121,8 +122,8 @@ def test_point_masses_get_nodes_and_the_error_is_foreseen_there(force, monkeypat
     # a mass between two nodes is shared by them, which bends its element otherwise
     rod = Rod(1.0, 0.2, 1.0, 0.7, point_masses=[(0.313, 1.5), (0.7071, 0.5)])
     loads = [PointLoad(force=force, s=0.57)]
-    searches, search = [], accuracy_module.step
-    monkeypatch.setattr(accuracy_module, 'step',
+    searches, search = [], statics.step
+    monkeypatch.setattr(statics, 'step',
                         lambda *given: searches.append(1) or search(*given))
     shape = DirectSimulator(rod, accuracy=1e-5, point_loads=loads).solve(LEVEL)
     assert shape.converged and len(searches) == 2

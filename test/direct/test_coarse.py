@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, FarEnd, Hold, Pose, Rod
-from dlo_planner.direct import statics
+from dlo_planner.direct import placement
 
 COUNT = 16
 
@@ -21,8 +21,8 @@ def tried(monkeypatch):
         found.append(made is not None)
         return made
 
-    coarsely = statics.coarsely
-    monkeypatch.setattr(statics, 'coarsely', looked_at)
+    coarsely = placement.coarsely
+    monkeypatch.setattr(placement, 'coarsely', looked_at)
     return found
 
 
@@ -45,7 +45,7 @@ def test_they_are_those_of_the_way_on_the_mesh_itself(tried, monkeypatch):
     cases = [given(rng, k) for k in range(COUNT)]
     found = [direct.solve(gripper, far_end=end) for direct, gripper, end in cases]
     assert all(tried) and len(tried) == COUNT
-    monkeypatch.setattr(statics, 'coarsely', lambda *_: None)
+    monkeypatch.setattr(placement, 'coarsely', lambda *_: None)
     for (direct, gripper, end), shape in zip(cases, found, strict=True):
         known = direct.solve(gripper, far_end=end)
         assert shape.converged and known.converged

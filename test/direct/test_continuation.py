@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
 from dlo_planner.direct.continuation import fell, follow, shape_change
+from dlo_planner.direct.grips import between
 from dlo_planner.direct.shape import Contact
-from dlo_planner.direct.statics import between
 
 ROD = Rod(1.0, 0.0, 1.0, 0.7)
 STRAIGHT = DirectSimulator(ROD, n_elements=16, gravity=(0, 0, 0)).solve(Pose.identity())

@@ -65,11 +65,11 @@ def all_acts(monkeypatch):
 @pytest.fixture
 def free_alone(monkeypatch):
     """Have it fail where a step is made with all that may act."""
-    of_statics, refused = statics._searched, 'the step was made with what does not act'
+    of_statics, refused = statics._strategies, 'the step was made with what does not act'
 
-    def free(*arguments, culled):
-        assert culled, refused
-        return of_statics(*arguments, culled=culled)
+    def free(*arguments):
+        assert arguments[-1], refused
+        return of_statics(*arguments)
 
     of_stepper = Stepper._batch
 
@@ -77,7 +77,7 @@ def free_alone(monkeypatch):
         assert arguments[-1], refused
         return of_stepper(stepper, *arguments)
 
-    monkeypatch.setattr(statics, '_searched', free)
+    monkeypatch.setattr(statics, '_strategies', free)
     monkeypatch.setattr(Stepper, '_batch', batch)
 
 

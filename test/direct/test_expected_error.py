@@ -9,7 +9,7 @@ from references.kirchhoff import true_rod
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.direct.accuracy import discretization_errors, resampled_means
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.statics import equilibrium
+from dlo_planner.direct.equilibrium import equilibrium
 from dlo_planner.geometry.basis import equidistribute
 
 PLAIN = Rod(1.0, 1.0, 1.0, 0.7)

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from sweeps.contact import DRAWN_ON, drawn, random_scene
 
 from dlo_planner import Box, Capsule, DirectSimulator, Plane, Pose, Rod
+from dlo_planner.direct.equilibrium import corrected_by
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.direct.statics import corrected_by
 
 THIN = 5e-4
 ROD = Rod(1.0, 0.0, 1.0, 0.8, radius=THIN)

@@ -28,7 +28,7 @@ from dlo_planner import (
     Sheet,
     Sphere,
 )
-from dlo_planner.direct import statics
+from dlo_planner.direct import placement
 from dlo_planner.minimize.convergence import as_rounded
 
 HERE = Pose.identity()
@@ -438,12 +438,12 @@ def grippers(count):
 
 
 def test_what_takes_too_many_parts_is_given_up_and_said(monkeypatch):
-    made, relax = [], statics.minimum
+    made, relax = [], placement.minimum
 
     def counted(*arguments):
         made.append(None)
         return relax(*arguments)
-    monkeypatch.setattr(statics, 'minimum', counted)
+    monkeypatch.setattr(placement, 'minimum', counted)
     among = DirectSimulator(STRIP, obstacles=[Sheet.around(HOLE, thickness=0.0), BAR])
     start, *before, last = grippers(4)
     shape = DirectSimulator(STRIP).solve(start)
@@ -452,7 +452,7 @@ def test_what_takes_too_many_parts_is_given_up_and_said(monkeypatch):
     made.clear()
     arrived = among.solve(last, shape)
     assert arrived.converged and not arrived.jumped and len(made) > 100  # along the rim
-    monkeypatch.setattr(statics, '_MORE_PARTS', 20)
+    monkeypatch.setattr(placement, '_MORE_PARTS', 20)
     made.clear()
     stuck = among.solve(last, shape)
     assert len(made) == 21

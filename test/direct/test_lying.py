@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.scenes import CABLE, GRAVITY, HELD, SCENES, beyond_cones, deepest, drawn, unbalanced
 from dlo_planner import DirectSimulator, FarEnd, Plane, Pose
-from dlo_planner.direct import statics
+from dlo_planner.direct import equilibrium
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.discretization import even_mesh
 
@@ -87,12 +87,12 @@ def test_what_falls_among_obstacles_is_soon_at_rest(monkeypatch, name, count, st
     def counting(search):
         def counted(*given):
             end = search(*given)
-            made.append(statics.Solution(*end).iterations)
+            made.append(equilibrium.Solution(*end).iterations)
             return end
         return counted
 
     for kernel in ('solve_step', 'placed_step', 'follow_step'):
-        monkeypatch.setattr(statics, kernel, counting(getattr(statics, kernel)))
+        monkeypatch.setattr(equilibrium, kernel, counting(getattr(equilibrium, kernel)))
     (rod, bodies, poses), ends = HELD[name]() if name in HELD else (SCENES[name](), None)
     direct = DirectSimulator(rod, obstacles=bodies, gravity=GRAVITY, basis='local', n_elements=64)
     shape, fell = None, False

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Capsule, DirectSimulator, FarEnd, Plane, PointLoad, Pose, Rod, Shape
-from dlo_planner.direct import statics
-from dlo_planner.direct.statics import overspent
+from dlo_planner.direct import equilibrium, statics
+from dlo_planner.direct.energy_balance import overspent
 from dlo_planner.energy.plastic import closest_point_projection
 from dlo_planner.geometry.kinematics import folded
 
@@ -427,7 +427,7 @@ def test_what_no_dlo_can_be_in_leaves_the_set_before_it(monkeypatch):
     wire, load = loaded_wire(1.3)
     simulator = DirectSimulator(wire, basis='local', n_elements=8, **load)
     assert simulator.solve(HERE).history.plastic.any()
-    monkeypatch.setattr(statics, 'is_equilibrium', lambda *_: False)
+    monkeypatch.setattr(equilibrium, 'is_equilibrium', lambda *_: False)
     monkeypatch.setattr(Shape, 'impossible', 'an element is bent by more than half a turn')
     wrong = simulator.solve(HERE)
     assert not wrong.converged and not wrong.history.plastic.any()

@@ -18,8 +18,8 @@ from dlo_planner import (
     replay,
 )
 from dlo_planner.direct import self_passage
+from dlo_planner.direct.grips import between
 from dlo_planner.direct.shape import kernel_arrays
-from dlo_planner.direct.statics import between
 from dlo_planner.geometry.writhe import link, writhe
 from dlo_planner.plan import builder
 from dlo_planner.plan.continuity import passes_itself

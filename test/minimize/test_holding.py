@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
-from dlo_planner.direct import statics
+from dlo_planner.direct import equilibrium, statics
 from dlo_planner.energy.grip import constraint_value
 from dlo_planner.energy.potential import configuration_at, evaluate
 from dlo_planner.energy.problem import new_configuration
@@ -71,13 +71,13 @@ def test_it_finds_what_the_thorough_search_finds(grip, options, rng, monkeypatch
     assert any(quick)
 
 
-def test_two_millimeters_take_three_steps_and_no_way_in_parts(monkeypatch):
+def test_two_millimeters_take_three_steps_and_no_way_in_parts():
     wire = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
     simulator, gripper = DirectSimulator(wire, n_elements=64), Pose((0, 0, 1), (0, 0, 0, 1))
     known = simulator.solve(gripper, far_end=Pose((0.8, 0, 1), (0, 0, 0, 1)))
-    monkeypatch.setattr(statics, '_predict', None)  # the way in parts begins with it
     shape = simulator.solve(gripper, known, far_end=Pose((0.802, 0, 1.001), (0, 0, 0, 1)))
     assert shape.converged and shape.iterations <= 3
+    assert shape.state.tried == (('near', 'found'),)
     again = simulator.solve(gripper, shape, far_end=shape.far_end)
     assert again.iterations == 0
     np.testing.assert_allclose(again.positions, shape.positions, rtol=0, atol=1e-12)
@@ -89,7 +89,7 @@ def test_the_error_estimate_is_that_of_the_thorough_search(grip, rng, monkeypatc
     simulator, shape, gripper, end = drawn(rng, grip, basis='local', n_elements=32)
     found = simulator.solve(gripper, shape, far_end=end)
     quick = found.error_estimate
-    monkeypatch.setattr(statics, 'held_nearby', lambda *_: None)
+    monkeypatch.setattr(equilibrium, 'held_nearby', lambda *_: None)
     assert quick == pytest.approx(found.state.estimate(), rel=1e-4)
     fine = DirectSimulator(simulator.rod, basis='local', n_elements=512)
     true = fine.solve(gripper, found, far_end=end).positions[::16]
@@ -102,8 +102,8 @@ def test_a_finer_mesh_goes_on_from_a_coarser_one(rng, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(statics, 'held_nearby', lambda *_: None)
         true = fine.solve(shape.gripper, shape, far_end=shape.far_end)
-    monkeypatch.setattr(statics, '_predict', None)
     found = fine.solve(shape.gripper, shape, far_end=shape.far_end)
+    assert found.state.tried == (('near', 'found'),)
     np.testing.assert_allclose(found.positions, true.positions, rtol=0, atol=1e-9)
 
 
@@ -113,8 +113,8 @@ def test_what_moves_far_is_led_there(away):
     here = Pose((0, 0, 0), (0, 0, 0, 1))
     known = simulator.solve(here, far_end=(0.8, 0, 0))
     end = FarEnd.of((0.8 + away, 0, 0))
-    past = statics.past_of(simulator.mesh, known, None)
-    near = statics.held_nearby(simulator.mesh, here, known.element_strains, past, (end,), True)
+    past = equilibrium.past_of(simulator.mesh, known, None)
+    near = equilibrium.held_nearby(simulator.mesh, here, known.element_strains, past, (end,), True)
     assert near is None
     assert simulator.solve(here, known, far_end=end).converged
 
@@ -127,7 +127,7 @@ def test_a_saddle_between_two_grips_is_left_to_the_thorough_search():
     for pressed, stable in ((0.9, True), (1.1, False)):  # of the Euler load
         forces = np.zeros(5)
         forces[2] = pressed * 4 * np.pi**2  # N
-        found = statics.held_nearby(
+        found = equilibrium.held_nearby(
             simulator.mesh, here, np.zeros_like(straight.element_strains),
             replace(simulator.mesh.start, hold=forces), straight.holds, True)
         assert (found is not None) == stable

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet
-from dlo_planner.direct.statics import corrected_by, past_of
+from dlo_planner.direct.equilibrium import corrected_by, past_of
 from dlo_planner.minimize.semismooth import tangent_predictor
 
 LEVEL = (0, 0, 0, 1)

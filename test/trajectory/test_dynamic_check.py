@@ -21,7 +21,7 @@ from dlo_planner import (
     Trajectory,
     replay,
 )
-from dlo_planner.direct.statics import between
+from dlo_planner.direct.grips import between
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import Bodies, clearance, hole_clearances
 from dlo_planner.plan.plan import PlanStatus, truncate

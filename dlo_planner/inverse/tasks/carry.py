@@ -16,22 +16,15 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from dlo_planner.direct.grips import Grips
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import Grips
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.stages import again, check_reach, held_at_first, upwards
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import led, limit, straight
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, number, shown
-from dlo_planner.model.holds import (
-    FarEnd,
-    Hold,
-    Holds,
-    holds_of,
-    place_of,
-    posed,
-)
+from dlo_planner.model.holds import FarEnd, Hold, Holds, holds_of, place_of, posed
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
 from dlo_planner.plan.checks import PlanChecker

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.statics import Grips
+from dlo_planner.direct.grips import Grips
 from dlo_planner.inverse.stages import check_reach, held_at_first
 from dlo_planner.inverse.task import PlanContext, Task, depths_or_none
 from dlo_planner.inverse.tasks.move_to import led, limit, straight

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from dlo_planner.direct.grips import Grips, between
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import Grips, between
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.continuation import BranchPoint, GivenPoses, Step
 from dlo_planner.inverse.stages import held_as_said

@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.grips import Grips
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import Grips
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.aiming import Aim, part_led, straightness
 from dlo_planner.inverse.equilibria import least_turn
