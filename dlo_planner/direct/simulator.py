@@ -370,9 +370,14 @@ class DirectSimulator(Value):
             held = holds_of(far_end, holds, self.surroundings.rod.length)
         self._check(gripper, initial, held)
         try:
+            take = self._taken_by(held)
             if initial is None or not (made_by(self, initial) or initial.state.kept):
-                return self._equilibrium(gripper, initial, held)
-            return self._judged(follow(self._taken_by(held), initial, gripper, held, True))
+                shape = take(gripper, initial, held)
+            else:
+                shape = follow(take, initial, gripper, held, True)
+            if self.accuracy is not None and self._asked:  # the default is not promised
+                return judged(shape, self.accuracy)
+            return shape
         except SystemError as error:  # a signal that had to wait for the end of a kernel
             raise _signal(error) from None
 
@@ -417,7 +422,9 @@ class DirectSimulator(Value):
                 if before is None:
                     shape = self._equilibrium(gripper, initial, there)
                 else:
-                    shape = self._judged(follow(self._taken_by(there), before, gripper, there))
+                    shape = follow(self._taken_by(there), before, gripper, there)
+                    if self.accuracy is not None and self._asked:
+                        shape = judged(shape, self.accuracy)
                 shapes.append(shape)
                 if shape.converged or shape.nearly:  # a failure is reported, not carried on
                     initial = shape
@@ -500,13 +507,10 @@ class DirectSimulator(Value):
 
     def _equilibrium(self, gripper: Pose, initial: Shape | None, holds: Holds) -> Shape:
         """Return the Shape of a step as it is."""
-        return self._judged(self._taken_by(holds)(gripper, initial, holds))
-
-    def _judged(self, shape: Shape) -> Shape:
-        """Return a Shape that is `converged` only within the accuracy that was asked for."""
-        if self.accuracy is None or not self._asked:  # the default is not promised
-            return shape
-        return judged(shape, self.accuracy)
+        shape = self._taken_by(holds)(gripper, initial, holds)
+        if self.accuracy is not None and self._asked:
+            return judged(shape, self.accuracy)
+        return shape
 
     def _taken_by(self, holds: Holds) -> Equilibrium:
         """Return what takes steps of the DLO in these holds."""

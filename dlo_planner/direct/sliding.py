@@ -144,7 +144,7 @@ class _Rings:
 
     def __init__(self, solver: StepSolver, goal: Grips, initial: Shape | None,
                  most: float) -> None:
-        self._solver, self._most = solver, most
+        self._solver, self._how = solver, StepInputs(solver.memory, most=most)
         self._first, self._accuracy = solver.first, solver.accuracy
         self._gripper, self._initial = goal.gripper, initial
         self._length = float(self._first.s[-1])
@@ -205,7 +205,8 @@ class _Rings:
             if self._accuracy is not None or np.diff(mesh.s).max() <= (
                     _STRETCHED * np.diff(first.s).max()):
                 return self._moved(before, places)
-        return self._solver.take(self._gripper, before, self._held(places), self._most)
+        return self._solver.take(self._gripper, before, self._held(places),
+                                 self._how.most)
 
     def _moved(self, before: Shape, places: Floats) -> Shape:
         """Return the Shape held at places (n,), from one that is held at others."""
@@ -213,14 +214,14 @@ class _Rings:
         mesh = stretched(before.state.made_on, before.holds, holds, self._first)
         alike_nodes = mesh.s.size == before.s.size
         return step(mesh, self._gripper, changed(before, holds=holds),
-                    self._solver.inputs(holds, self._most),
+                    self._how._replace(holds=holds),
                     before.element_strains if alike_nodes else None)
 
     def _on(self, mesh: Discretization, here: _Place) -> Shape:
         """Return the Shape at the same places on another mesh."""
         holds = here.shape.holds
         return step(mesh.with_nodes(places_of(holds)), self._gripper, here.shape,
-                    self._solver.inputs(holds, self._most))
+                    self._how._replace(holds=holds))
 
     def _held(self, places: Floats) -> Holds:
         """Return what holds the DLO with places (n,) in the rings, and does not slide."""
@@ -255,7 +256,7 @@ class _Rings:
         goal = Grips(self._gripper, self._held(self._begin))
         near = Grips(before.gripper, before.holds).towards(goal, _PART)
         there = step(before.state.made_on, near.gripper, before,
-                     self._solver.inputs(near.holds, self._most), before.element_strains)
+                     self._how._replace(holds=near.holds), before.element_strains)
         if not there.converged or not np.isfinite(matrix).all():
             return None
         rate = ((material_slope(there) - known.forces)[self._index] / _PART)[slides]

@@ -95,17 +95,13 @@ class StepSolver(NamedTuple):
         check = INTERRUPT.get()
         if check is not None:  # a pose that is far, or a fall, takes many steps
             check()
-        how = self.inputs(holds, most)
+        how = StepInputs(self.memory, holds, self.method, self.strains, most)
         if self.accuracy is not None:
             return _accurate(self, gripper, initial, how)
         mesh = self.first
         if holds and holds[0].s is not None:  # (the tip's is the last)
             mesh = mesh.with_nodes(places_of(holds))
         return step(mesh, gripper, initial, how)
-
-    def inputs(self, holds: Holds, most: float) -> StepInputs:
-        """Return the StepInputs of a step."""
-        return StepInputs(self.memory, holds, self.method, self.strains, most)
 
 
 def _accurate(solver: StepSolver, gripper: Pose, initial: Shape | None, how: StepInputs) -> Shape:

@@ -29,6 +29,7 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.direct import placement
+from dlo_planner.direct.statics import StepSolver
 from dlo_planner.minimize.convergence import as_rounded
 
 HERE = Pose.identity()
@@ -128,14 +129,14 @@ def test_track_goes_on_from_a_shape_that_is_nearly_converged(monkeypatch):
     ends = [(0.8 - 0.02 * k, 0, 0) for k in range(3)]
     before = direct.track([HERE] * 3, far_ends=ends)
     assert all(shape.status == 'converged' for shape in before)
-    made, calls = DirectSimulator._step, []
+    made, calls = StepSolver.take, []
 
-    def second_fails(simulator, *given):
-        shape = made(simulator, *given)
+    def second_fails(solver, *given):
+        shape = made(solver, *given)
         calls.append(None)
         return replace(shape, converged=False) if len(calls) == 2 else shape
 
-    monkeypatch.setattr(DirectSimulator, '_step', second_fails)
+    monkeypatch.setattr(StepSolver, 'take', second_fails)
     shapes = direct.track([HERE] * 3, far_ends=ends)
     assert [shape.converged for shape in shapes] == [True, False, True]
     assert shapes[1].nearly and 'nearly converged' in shapes[1].status

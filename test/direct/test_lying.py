@@ -69,7 +69,7 @@ def test_what_lies_is_followed_by_two_halves():
 
     def solve(gripper, initial, holds, most=np.inf):
         asked.append(gripper.position[2])
-        return direct._step(gripper, initial, holds, most)
+        return direct._taken_by(holds)(gripper, initial, holds, most)
 
     goal = Pose(shape.gripper.position - (0, 0, 0.02), shape.gripper.quaternion)
     end = follow(solve, shape, goal)
