@@ -22,6 +22,7 @@ _RESIDUAL = 1e-8     # relative; 1e-7 in contact
 _TOUCHES = 1e-5      # of the scale of forces: what presses less touches by chance
 _PLACES = np.arange(1, 10) / 9
 _EXACT = 1e-10       # of the length: error estimates below are rounding errors
+_ROUNDING = 1e-12    # a number in a message that is smaller is what rounding leaves
 
 
 class Field(NamedTuple):
@@ -194,7 +195,8 @@ def refusal(error):
     head = str(error).split(': ')[0]
     answer.say('names', re.match(r'[\w.\[\]]*', head)[0])
     numbers = re.findall(r'(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?', head)
-    answer.say('numbers', ' '.join(f'{float(one):.6g}' for one in numbers))
+    known = (float(one) for one in numbers)  # what rounding leaves of a residual is any number
+    answer.say('numbers', ' '.join(f'{0.0 if abs(one) < _ROUNDING else one:.6g}' for one in known))
     return answer
 
 
