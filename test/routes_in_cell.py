@@ -118,6 +118,7 @@ class Run:
         for k in range(len(task.fittings)):
             self.plant.put(self.first + 4 * k + 3, False)  # lids are open
         self.snapped, self.pressed = dict[int, float](), dict[int, float]()
+        self.seating = dict[int, Pose]()  # of a clip that snaps, by its number among them
         self.pulled = 0.0  # the largest force of the gripper, N
         self.twist = np.zeros(6)  # by which poses are displaced from where they were planned
         self.missed = np.zeros(2)  # of the mouth before it, as far as it was seen, m
@@ -131,8 +132,8 @@ class Run:
         """
         self.plant.feed(wrench)
         pose = displaced(pose, self.twist)
-        hands = {self.clips.index(k): self.seats[k] for k in self.snapped if k in self.clips}
-        self.plant.move(pose, seconds, hands=hands)
+        self.plant.move(pose, seconds, hands=self.seating)
+        self.seating = {}  # a clip that has drawn it into its seat stays there
         if pressing is not None and pressing not in self.snapped:
             k, bears = pressing, float(self.plant.forces[self.first + 4 * pressing + 2])
             self.pressed[k] = max(self.pressed.get(k, 0.0), bears)
@@ -140,6 +141,7 @@ class Run:
                 self.snapped[k] = bears
                 if k in self.clips:
                     self.plant.snap(self.clips.index(k))
+                    self.seating = {self.clips.index(k): self.seats[k]}
                 else:
                     self.plant.put(self.first + 4 * k + 3)
         self.pulled = max(self.pulled, self.plant.pull)
