@@ -118,8 +118,8 @@ def _jerks(bounds: _Bounds) -> Floats:
 _SHORTEST = 0.01  # of a leg's duration: the least width of a window that only bounds the jerk
 _ROUNDS = 30      # of slowing down
 # powers of what is used of speed, acceleration and jerk: in a law that is slower by f they are less
-# by f, f^2 and, where the path bends, f^3; what its windows make of the jerk is less by f^2 only, so
-# it is slowed down again, by 1 % at least
+# by f, f^2 and, where the path bends, f^3; what its windows make of the jerk is less by f^2 only,
+# so it is slowed down again, by 1 % at least
 _SLOWED, _LEAST_SLOWED = (1.0, 1 / 2, 1 / 3), 1.01
 _MOST = 100_000   # times in one call
 
