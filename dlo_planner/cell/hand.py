@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.cell.chain import mujoco
 from dlo_planner.cell.plant import Plant
@@ -59,7 +58,11 @@ class InHand(Plant):
         self.hand, self._fed = hand or Hand(), np.zeros(6)
         self.commanded = 0.0  # N, of springs, dampers and what is fed forward, as it is now
         super().__init__(rod, gripper, obstacles, **plant)
-        self._sits = Pose.from_rotation(self.truth.gripper_shift, self._turn)
+        self._back = Pose.from_rotation(self.truth.gripper_shift, self._turn).inverse()
+        # (3, 3) by which the hand moves, seen from the DLO's beginning, as this turns
+        self._swing = np.cross(np.eye(3), self._back.position)
+        self._damping = [2 * np.sqrt(k * m) for k, m in (
+            (self.hand.stiffness, self._mass), (self.hand.rotational, self.hand.inertia))]
         model, unit = self._model, self._chain.unit
         model.body_mass[1] = self._mass / unit
         model.body_inertia[1] = self.hand.inertia / unit
@@ -82,36 +85,37 @@ class InHand(Plant):
         """Where the DLO truly begins."""
         return Pose(self._data.qpos[:3], np.roll(self._data.qpos[3:7], -1))
 
-    def _load(self, body: Pose) -> Floats:
-        """Return what else acts on the hand, N and N m (6,), about where the DLO begins."""
-        del body
+    def _load(self, axes: Floats) -> Floats:
+        """Return what else acts on the hand, N and N m (6,), about where the DLO begins.
+
+        `axes` (3, 3): those of the DLO there.
+        """
+        del axes
         return np.zeros(6)
 
     def move(self, gripper: Pose, seconds: float, far_end: Pose | None = None,
              hands: Mapping[int, Pose] | None = None) -> None:
         """Command the hand to a Pose, from where it was commanded to be, as `Plant.move`."""
         super().move(gripper, seconds, far_end, hands)
-        self.measured = self._body().compose(self._sits.inverse())
+        self.measured = self._body().compose(self._back)
 
     def _advance(self, place: Floats, quaternion: Floats, twist: Floats) -> None:
         """Make one step; the hand is drawn to where the DLO would begin at a place."""
-        back, body, hand = self._sits.inverse(), self._body(), self.hand
-        begins = Pose(place, np.roll(quaternion, -1))
-        goal, held = begins.compose(back), body.compose(back)
-        lever = held.position - body.position
-        turns, turning = begins.rotation @ twist[3:], body.rotation @ self._data.qvel[3:6]
-        speeds = (twist[:3] + np.cross(turns, goal.position - place)
-                  - self._data.qvel[:3] - np.cross(turning, lever))
-        damping = [2 * np.sqrt(k * m) for k, m in (
-            (hand.stiffness, self._mass), (hand.rotational, hand.inertia))]
-        off = Rotation.from_matrix(goal.rotation @ held.rotation.T).as_rotvec()
-        force = (hand.stiffness * (goal.position - held.position) + damping[0] * speeds
-                 + self._fed[:3])
-        moment = hand.rotational * off + damping[1] * (turns - turning) + self._fed[3:]
+        data, hand, back = self._data, self.hand, self._back.position
+        goal, axes, off = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+        mujoco.mju_quat2Mat(goal.reshape(-1), quaternion)
+        mujoco.mju_quat2Mat(axes.reshape(-1), data.qpos[3:7])
+        mujoco.mju_subQuat(off, quaternion, data.qpos[3:7])  # in the DLO's axes
+        speeds = (twist[:3] + goal @ (twist[3:] @ self._swing)
+                  - data.qvel[:3] - axes @ (data.qvel[3:6] @ self._swing))
+        force = (hand.stiffness * (place + goal @ back - data.qpos[:3] - axes @ back)
+                 + self._damping[0] * speeds + self._fed[:3])
+        moment = (hand.rotational * axes @ off + self._fed[3:]
+                  + self._damping[1] * (goal @ twist[3:] - axes @ data.qvel[3:6]))
         self.commanded = float(np.linalg.norm(force))
-        acts = np.concatenate([force, moment + np.cross(lever, force)])
+        acts = np.concatenate([force, moment + axes @ (self._swing @ (force @ axes))])
         # the hand's own weight is compensated
-        self._data.xfrc_applied[1] = (acts + self._load(body)) / self._chain.unit
-        mujoco.mj_step(self._model, self._data)
-        if self._data.ncon:
+        data.xfrc_applied[1] = (acts + self._load(axes)) / self._chain.unit
+        mujoco.mj_step(self._model, data)
+        if data.ncon:
             self._feel()

@@ -58,6 +58,9 @@ class HeldPlug(InHand):
                  limit: float = 20.0, cells: int = 40, step: float = 1e-3) -> None:
         self.plug = plug
         self._limit, self._above = limit, 0.0
+        front = plug.front(Pose.identity())
+        self._center = front.position - 0.5 * plug.length * front.rotation[:, 0]
+        self._weight = plug.mass * _GRAVITY
         self.felt = Felt(0.0, 0.0, 0.0)
         sits = error or Pose.identity()
         super().__init__(rod, gripper, obstacles, hand=hand, cells=cells, step=step, damping=0.05,
@@ -87,11 +90,9 @@ class HeldPlug(InHand):
     def _mass(self) -> float:
         return self.hand.mass + self.plug.mass
 
-    def _load(self, body: Pose) -> Floats:
+    def _load(self, axes: Floats) -> Floats:
         """Return the plug's weight, and its moment."""
-        weight, true = self.plug.mass * _GRAVITY, self.plug.front(body)
-        center = true.position - 0.5 * self.plug.length * true.rotation[:, 0] - body.position
-        return np.concatenate([weight, np.cross(center, weight)])
+        return np.concatenate([self._weight, np.cross(axes @ self._center, self._weight)])
 
     def _advance(self, place: Floats, quaternion: Floats, twist: Floats) -> None:
         """Make one step, and note what is felt."""

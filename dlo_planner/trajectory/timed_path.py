@@ -29,29 +29,34 @@ _BISECTIONS = 40     # halvings of an interval of time, at most
 _PARTS = 8       # of the time between two knots, in which jerks are bounded
 
 
-def most_used(leg: Leg, law: TimeLaw, limits: Limits) -> float:
-    """Return an upper bound of the largest part of the limits that any arm uses at any time."""
-    return max(_most_used(arm, law, limits) for arm in leg.all_arms)
+def most_used(leg: Leg, law: TimeLaw, limits: Limits,
+              powers: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> float:
+    """Return an upper bound of the largest part of the limits that any arm uses at any time.
+
+    Parts of the limits of speed, acceleration and jerk count with `powers` of them.
+    """
+    return max(_most_used(arm, law, limits, powers) for arm in leg.all_arms)
 
 
-def _most_used(leg: Leg, law: TimeLaw, limits: Limits) -> float:
+def _most_used(leg: Leg, law: TimeLaw, limits: Limits,
+               powers: tuple[float, float, float]) -> float:
     """Return the same of one arm.
 
     Speed and acceleration are computed at the ends of an interval of time, and their slopes within
     it are bounded. The interval is halved until its bound is at most 0.5 % above the largest value
     found. Jerks are bounded only. The shift of the law is left out.
     """
-    most = limits.sizes
+    most, power = limits.sizes, np.array(powers[:2])[:, None]
     times = np.unique(np.concatenate([[0.0], law.arrivals(leg.knots[1:-1]), [law.duration]]))
     a, b = times[:-1], times[1:]
-    largest = proved = _largest_jerk(leg, law, a, b, most[2])
+    largest = proved = _largest_jerk(leg, law, a, b, most[2]) ** powers[2]
     for _ in range(_BISECTIONS):
         ends = law.at(np.append(a, b))
         used = _sizes(leg, ends) / most[:2]
-        largest = max(largest, used.max())
+        largest = max(largest, (used**power).max())
         slopes = _slopes(_bounds(leg, law, ends, 0.5 * (b - a)))
-        bound = (used.reshape(2, -1, 2, 2).mean(axis=0)
-                 + 0.5 * (b - a)[:, None, None] * slopes / most[:2]).max(axis=(1, 2))
+        bound = ((used.reshape(2, -1, 2, 2).mean(axis=0) + 0.5 * (b - a)[:, None, None]
+                  * slopes / most[:2]) ** power).max(axis=(1, 2))
         wide = bound > (1 + _TIGHT) * largest
         proved = max(proved, bound[~wide].max(initial=0.0))
         if not wide.any():
@@ -112,6 +117,10 @@ def _jerks(bounds: _Bounds) -> Floats:
 
 _SHORTEST = 0.01  # of a leg's duration: the least width of a window that only bounds the jerk
 _ROUNDS = 30      # of slowing down
+# powers of what is used of speed, acceleration and jerk: in a law that is slower by f they are less
+# by f, f^2 and, where the path bends, f^3; what its windows make of the jerk is less by f^2 only,
+# so it is slowed down again, by 1 % at least
+_SLOWED, _LEAST_SLOWED = (1.0, 1 / 2, 1 / 3), 1.01
 _MOST = 100_000   # times in one call
 
 
@@ -286,10 +295,10 @@ def smoothed(leg: Leg, limits: Limits, parameters: Floats, rates: Floats,
     law = TimeLaw(parameters, rates, windows) if len(windows) else _within_jerk(
         leg, limits, parameters, rates)
     for _ in range(_ROUNDS):
-        used = most_used(leg, law, limits)
+        used = most_used(leg, law, limits, _SLOWED)
         if used <= 1:
             break
-        law = law.slower(used)
+        law = law.slower(max(used, _LEAST_SLOWED))
     return law
 
 

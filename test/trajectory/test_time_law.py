@@ -184,6 +184,7 @@ def test_what_is_slowed_down_keeps_its_limits(rng):
         leg = wandering(rng)
         law = smoothed(leg, limits, *fastest_rates(leg, limits), np.array(windows))
         assert sampled(leg, law, limits).max() <= 1 and most_used(leg, law, limits) <= 1
+        assert most_used(leg, law, limits) > 0.95  # and no slower than that needs
         if windows:
             np.testing.assert_allclose(law.windows, windows)
 
