@@ -14,13 +14,13 @@ from dlo_planner.minimize.riccati import TINY
 
 
 @kernel
-def project_all(basis, hessian):
-    """Fill hessian.dense (3 m, 3 m) from its blocks, in O(N m^2)."""
-    blocks = hessian.twist_jacobian, hessian.cross, hessian.diagonal
-    if blocks[0].shape[1] == 6:
-        _project_twists(basis, blocks, hessian.dense)
+def project_all(basis, twist_jacobian, cross, diagonal, dense):
+    """Fill the dense Hessian (3 m, 3 m) from its blocks, in O(N m^2)."""
+    blocks = twist_jacobian, cross, diagonal
+    if twist_jacobian.shape[1] == 6:
+        _project_twists(basis, blocks, dense)
     else:
-        _project_turns(basis, blocks, hessian.dense)
+        _project_turns(basis, blocks, dense)
 
 
 @kernel

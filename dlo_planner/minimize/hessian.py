@@ -40,6 +40,7 @@ from dlo_planner.minimize.kkt import (
 )
 from dlo_planner.minimize.riccati import (
     add_block_products,
+    add_springs,
     factorize_blocks,
     factorize_dead_loads,
     solve_turns,
@@ -90,15 +91,20 @@ def assemble(system, state, hessian):
     element_hessian(system, state, hessian.twist_jacobian, hessian.cross, hessian.diagonal,
                     hessian.base)
     if system.basis.shape[1] > 0:
-        project_all(system.basis, hessian)
+        _project(system, hessian, hessian.cross, hessian.diagonal)
     fill_border(system, state, hessian, hessian.border)
     fill_coupling(system, state, hessian.coupling)
-    if system.basis.shape[1] > 0:
-        if system.proximal_point.shape[0]:
-            for i in range(hessian.dense.shape[0]):
-                hessian.dense[i, i] += system.proximal_weight
-    else:
+    if system.basis.shape[1] == 0:
         _add_proximal(system, hessian.diagonal)
+
+
+@kernel
+def _project(system, hessian, cross, diagonal):
+    """Fill the dense Hessian of a series from blocks of its elements."""
+    project_all(system.basis, hessian.twist_jacobian, cross, diagonal, hessian.dense)
+    if system.proximal_point.shape[0]:
+        for i in range(hessian.dense.shape[0]):
+            hessian.dense[i, i] += system.proximal_weight
 
 
 @kernel
@@ -115,7 +121,21 @@ def factorize(system, hessian, shift):
 
     Where the DLO is held these are the eigenvalues on what the grips leave free (Haynsworth).
     """
-    negative = _factorize_without_border(system, hessian, shift, _ALL)
+    negative = _factorize_without_border(system, hessian, None, shift, _ALL)
+    return negative - _bordered(system, hessian, hessian.border)
+
+
+@kernel
+def factorize_with(system, hessian, springs, shift):
+    """Do what `factorize` does with SpringBlocks as well, which the Hessian itself is without.
+
+    So springs can change again and again, and all else is assembled once.
+    """
+    if system.basis.shape[1] > 0:
+        cross, diagonal = hessian.cross.copy(), hessian.diagonal.copy()
+        add_springs(hessian.twist_jacobian, springs, cross, diagonal)
+        _project(system, hessian, cross, diagonal)
+    negative = _factorize_without_border(system, hessian, springs, shift, _ALL)
     return negative - _bordered(system, hessian, hessian.border)
 
 
@@ -126,7 +146,7 @@ def is_definite(system, hessian, shift):
     Where they are not, the factorization is given up and of no use.
     """
     held = row_count(hessian.border)
-    negative = _factorize_without_border(system, hessian, shift, held)
+    negative = _factorize_without_border(system, hessian, None, shift, held)
     return negative <= held and negative <= _bordered(system, hessian, hessian.border)
 
 
@@ -179,15 +199,18 @@ def _bordered(system, hessian, border):
 
 
 @kernel
-def _factorize_without_border(system, hessian, shift, most):
-    """Return how many eigenvalues are negative; give up where they are more than `most`."""
+def _factorize_without_border(system, hessian, springs, shift, most):
+    """Return how many eigenvalues are negative; give up where they are more than `most`.
+
+    `springs`: SpringBlocks, which are in the dense Hessian of a series already, or None.
+    """
     rows = used_rows(hessian.coupling)
     if rows > 0:
         most = _ALL  # pairs may hold what falls without them
     if system.basis.shape[1] > 0:
         negative = factorized(hessian.dense, hessian.factor, shift, most)
     else:
-        negative = factorize_blocks(hessian, shift, most)
+        negative = factorize_blocks(hessian, springs, shift, most)
     return negative + _added_by_pairs(system, hessian, hessian.coupling)
 
 

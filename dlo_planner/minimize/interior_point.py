@@ -31,11 +31,13 @@ import numpy as np
 from dlo_planner.energy.grip import constraint_value
 from dlo_planner.energy.potential import project, value_at
 from dlo_planner.energy.problem import bending_energy
-from dlo_planner.geometry.kinematics import part_of_element, spring_at
+from dlo_planner.geometry.kinematics import part_of_element
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.hessian import assemble, factorize, solve, solve_held
-from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.minimize.hessian import assemble, factorize_with, solve, solve_held
+from dlo_planner.minimize.kkt import add_to
+from dlo_planner.minimize.riccati import no_springs
+from dlo_planner.model.arrays import Bools, Floats, Ints
 
 _MOST, _FEW = 60, 25  # Newton steps: of the interior point method, and of exact laws
 # The barrier parameter to begin with, and where it ends, of the energy that the loads stand for;
@@ -67,188 +69,178 @@ _STICKS = 0.999       # of its limit: friction that does not slide
 class ContactRows(Record):
     """How A points of contact move with the DLO, and where their forces go."""
 
-    element: Ints   # (A,)
-    node: Ints      # (A,) node, or -1 of a point inside its element
-    inside: Ints    # (A,) its place among the points inside elements, or -1
+    node: Ints      # (A,) with whose twist they go: their own, or the first one of their element
+    inside: Bools   # (A,) whether they are inside the element that begins there
     axis: Floats    # (A, 3) m, of the axis there, relative to the gripper
-    arm: Floats     # (A, 3) m, from the axis to where the normal force acts
-    own: Floats     # (A, 6, 3) twist of the frame at the point by its element's unknowns
     frame: Floats   # (A, 3, 3) rows: normal and two tangents
+    twist: Floats   # (A, 3, 6) their motions along these by that twist, stated at the gripper, m
+    own: Floats     # (A, 3, 3) and by the unknowns of the element that they are in
 
 
 @kernel
 def contact_rows(system, state, table):
     """Return the ContactRows of the contacts in a table."""
     count = table.gap.size
-    rows = ContactRows(table.element, np.full(count, -1), table.inside, np.empty((count, 3)),
-                       table.arm, np.zeros((count, 6, 3)), np.empty((count, 3, 3)))
-    arm = np.empty(3)
+    rows = ContactRows(table.element + 1, table.inside >= 0, np.empty((count, 3)),
+                       np.empty((count, 3, 3)), np.empty((count, 3, 6)), np.zeros((count, 3, 3)))
+    arm, own, lever = np.empty(3), np.empty((6, 3)), np.empty(3)
     for a in range(count):
-        e = table.element[a]
-        if table.inside[a] < 0:
-            rows.node[a] = e + 1
-            for i in range(3):
-                rows.axis[a, i] = state.positions[e + 1, i]
-        else:
+        e, x, frame = table.element[a], rows.axis[a], rows.frame[a]
+        for i in range(3):
+            x[i] = state.positions[e + 1, i]
+        if rows.inside[a]:
+            rows.node[a] = e
             part_of_element(system.lengths[e], table.fraction[a], state.strains[e],
-                            system.scale[e], state.rotations[e], rows.own[a], arm)
+                            system.scale[e], state.rotations[e], own, arm)
             for i in range(3):
-                rows.axis[a, i] = state.positions[e, i] + arm[i]
-        n, frame = table.normal[a], rows.frame[a]
-        least = 0
-        for i in range(3):
-            frame[0, i] = n[i]
-            if abs(n[i]) < abs(n[least]):
-                least = i
-        size = 0.0
-        for i in range(3):
-            frame[1, i] = (1.0 if i == least else 0.0) - n[least] * n[i]
-            size += frame[1, i] ** 2
-        size = np.sqrt(size)
-        for i in range(3):
-            frame[1, i] /= size
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            frame[2, i] = n[j] * frame[1, k] - n[k] * frame[1, j]
+                x[i] = state.positions[e, i] + arm[i]
+        _put_tangents(table.normal[a], frame)
+        for r in range(3):
+            # (friction acts at the axis, the normal force beside it)
+            for i in range(3):
+                lever[i] = x[i] + (table.arm[a, i] if r == 0 else 0.0)
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                rows.twist[a, r, i] = lever[j] * frame[r, k] - lever[k] * frame[r, j]
+                rows.twist[a, r, 3 + i] = frame[r, i]
+            for b in range(3 if rows.inside[a] else 0):
+                for i in range(3):
+                    j, k = (i + 1) % 3, (i + 2) % 3
+                    turn = (lever[j] - x[j]) * frame[r, k] - (lever[k] - x[k]) * frame[r, j]
+                    rows.own[a, r, b] += frame[r, i] * own[3 + i, b] + turn * own[i, b]
     return rows
+
+
+@kernel
+def _put_tangents(normal, frame):
+    """Fill frame (3, 3) with a normal and two directions across, all of one length."""
+    least, size = 0, 0.0
+    for i in range(3):
+        frame[0, i] = normal[i]
+        if abs(normal[i]) < abs(normal[least]):
+            least = i
+    for i in range(3):
+        frame[1, i] = (1.0 if i == least else 0.0) - normal[least] * normal[i]
+        size += frame[1, i] ** 2
+    size = np.sqrt(size)
+    for i in range(3):
+        frame[1, i] /= size
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        frame[2, i] = normal[j] * frame[1, k] - normal[k] * frame[1, j]
 
 
 @kernel
 def put_motions(system, hessian, rows, step, moved):
     """Fill moved (A, 3): by how much the points move along their normals and tangents, m."""
-    n, count = hessian.twist_jacobian.shape[0], rows.element.size
-    twists = np.zeros((n + 1, 6))
-    own = np.empty((n, 3))
+    jacobians = hessian.twist_jacobian
+    n = jacobians.shape[0]
+    twists, own = np.empty((n + 1, 6)), np.empty((n, 3))
+    for i in range(6):
+        twists[0, i] = 0.0
     for e in range(n):
         x, y, z = value_at(system.basis, step, e)
         own[e, 0], own[e, 1], own[e, 2] = x, y, z
         for i in range(6):
-            twists[e + 1, i] = (twists[e, i] + hessian.twist_jacobian[e, i, 0] * x
-                                + hessian.twist_jacobian[e, i, 1] * y
-                                + hessian.twist_jacobian[e, i, 2] * z)
-    shift, turn = np.empty(3), np.empty(3)
-    for a in range(count):
-        e, x = rows.element[a], rows.axis[a]
-        twist = twists[e + 1] if rows.node[a] >= 0 else twists[e]
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            turn[i] = twist[i]
-            shift[i] = twist[3 + i] + twist[j] * x[k] - twist[k] * x[j]
-        if rows.node[a] < 0:
-            for b in range(3):
-                for i in range(3):
-                    turn[i] += own[e, b] * rows.own[a, i, b]
-                    shift[i] += own[e, b] * rows.own[a, 3 + i, b]
+            twists[e + 1, i] = (twists[e, i] + jacobians[e, i, 0] * x + jacobians[e, i, 1] * y
+                                + jacobians[e, i, 2] * z)
+    for a in range(moved.shape[0]):
+        k = rows.node[a]
         for r in range(3):
-            moved[a, r] = (rows.frame[a, r, 0] * shift[0] + rows.frame[a, r, 1] * shift[1]
-                           + rows.frame[a, r, 2] * shift[2])
-        for i in range(3):  # (friction acts at the axis)
-            j, k = (i + 1) % 3, (i + 2) % 3
-            moved[a, 0] += rows.frame[a, 0, i] * (turn[j] * rows.arm[a, k]
-                                                  - turn[k] * rows.arm[a, j])
+            moved[a, r] = _motion(rows.twist[a, r], twists[k])
+            if rows.inside[a]:
+                for b in range(3):
+                    moved[a, r] += rows.own[a, r, b] * own[k, b]
+
+
+@kernel(forceinline=True)
+def _motion(by, twist):
+    """Return by (6,) times twist (6,)."""
+    return (by[0] * twist[0] + by[1] * twist[1] + by[2] * twist[2]
+            + by[3] * twist[3] + by[4] * twist[4] + by[5] * twist[5])
 
 
 @kernel
 def add_twist(rows, twist, along, across):
     """Add to along (A,) and across (A, 2) how the points move with a twist (6,) of the gripper."""
-    shift = np.empty(3)
     for a in range(along.size):
-        x, arm = rows.axis[a], rows.arm[a]
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            shift[i] = twist[3 + i] + twist[j] * x[k] - twist[k] * x[j]
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            along[a] += rows.frame[a, 0, i] * (shift[i] + twist[j] * arm[k] - twist[k] * arm[j])
-            across[a, 0] += rows.frame[a, 1, i] * shift[i]
-            across[a, 1] += rows.frame[a, 2, i] * shift[i]
+        along[a] += _motion(rows.twist[a, 0], twist)
+        across[a, 0] += _motion(rows.twist[a, 1], twist)
+        across[a, 1] += _motion(rows.twist[a, 2], twist)
 
 
 @kernel
 def add_loads(system, hessian, rows, force, right):
     """Add to right (m, 3) forces (A, 3) along the normals and tangents of the points, N."""
-    n, count = hessian.twist_jacobian.shape[0], rows.element.size
-    beyond, inner = np.zeros((n + 1, 6)), np.zeros((n, 6))
-    by, out = np.zeros((n, 3)), np.empty_like(right)
-    world, couple = np.empty(3), np.empty(3)
-    for a in range(count):
-        normal, arm = rows.frame[a, 0], rows.arm[a]
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            world[i] = (force[a, 0] * normal[i] + force[a, 1] * rows.frame[a, 1, i]
-                        + force[a, 2] * rows.frame[a, 2, i])
-            couple[i] = force[a, 0] * (arm[j] * normal[k] - arm[k] * normal[j])
-        e, x = rows.element[a], rows.axis[a]
-        wrench = beyond[e + 1] if rows.node[a] >= 0 else inner[e]
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            wrench[i] += couple[i] + x[j] * world[k] - x[k] * world[j]
-            wrench[3 + i] += world[i]
-        if rows.node[a] < 0:
-            for b in range(3):
-                for i in range(3):
-                    by[e, b] += (world[i] * rows.own[a, 3 + i, b]
-                                 + couple[i] * rows.own[a, i, b])
-    total = np.zeros(6)
+    jacobians = hessian.twist_jacobian
+    n = jacobians.shape[0]
+    wrenches, by, total = np.zeros((n + 1, 6)), np.zeros((n, 3)), np.zeros(6)
+    for a in range(force.shape[0]):
+        k = rows.node[a]
+        for r in range(3):
+            for i in range(6):
+                wrenches[k, i] += force[a, r] * rows.twist[a, r, i]
+            if rows.inside[a]:
+                for b in range(3):
+                    by[k, b] += force[a, r] * rows.own[a, r, b]
     for r in range(n):
         e = n - 1 - r
         for i in range(6):
-            total[i] += beyond[e + 1, i]
+            total[i] += wrenches[e + 1, i]
         for b in range(3):
             for i in range(6):
-                by[e, b] += hessian.twist_jacobian[e, i, b] * total[i]
-        for i in range(6):
-            total[i] += inner[e, i]
+                by[e, b] += jacobians[e, i, b] * total[i]
+    out = np.empty_like(right)
     project(system.basis, by, out)
-    for j in range(right.shape[0]):
-        for i in range(3):
-            right[j, i] += out[j, i]
+    add_to(right, 1.0, out)
 
 
 @kernel
-def _put_springs(attached, rows, given_nodes, given_points, spring):
-    """Write the springs (A, 3, 3) of the contacts on top of the second derivatives there were."""
-    left = np.empty((3, 3))
-    for a in range(rows.element.size):
-        k, c = rows.node[a], rows.inside[a]
-        target, source = ((attached.node_matrix[k], given_nodes[k]) if k >= 0
-                          else (attached.matrix[c], given_points[c]))
+def _put_springs(rows, spring, blocks):
+    """Fill SpringBlocks with the springs (A, 3, 3) of the contacts."""
+    left, beside = np.empty((3, 6)), np.empty((3, 3))
+    for a in range(spring.shape[0]):
+        k = rows.node[a]
+        blocks.acts[k] = False
+        if rows.inside[a]:
+            blocks.inside[k] = False
+    for a in range(spring.shape[0]):
+        if spring[a, 0, 0] == 0.0:  # it does not bear
+            continue
+        k, by, own = rows.node[a], rows.twist[a], rows.own[a]
+        for r in range(3):
+            for i in range(6):
+                left[r, i] = (spring[a, r, 0] * by[0, i] + spring[a, r, 1] * by[1, i]
+                              + spring[a, r, 2] * by[2, i])
+        target = blocks.twist[k]
+        if not blocks.acts[k]:
+            blocks.acts[k] = True
+            for i in range(6):
+                for j in range(6):
+                    target[i, j] = 0.0
         for i in range(6):
             for j in range(6):
-                target[i, j] = source[i, j]
-    for a in range(rows.element.size):
-        target = (attached.node_matrix[rows.node[a]] if rows.node[a] >= 0
-                  else attached.matrix[rows.inside[a]])
-        frame, arm = rows.frame[a], rows.arm[a]
-        for i in range(3):
-            for r in range(3):
-                left[i, r] = (frame[0, i] * spring[a, 0, r] + frame[1, i] * spring[a, 1, r]
-                              + frame[2, i] * spring[a, 2, r])
-        for i in range(3):
-            for j in range(3):
-                target[3 + i, 3 + j] += (left[i, 0] * frame[0, j] + left[i, 1] * frame[1, j]
-                                         + left[i, 2] * frame[2, j])
-        if arm[0] == 0.0 and arm[1] == 0.0 and arm[2] == 0.0:
+                target[i, j] += (by[0, i] * left[0, j] + by[1, i] * left[1, j]
+                                 + by[2, i] * left[2, j])
+        if not rows.inside[a]:
             continue
-        for i in range(3):  # the normal force acts beside the axis, friction at the axis
-            turn = (arm[(i + 1) % 3] * frame[0, (i + 2) % 3]
-                    - arm[(i + 2) % 3] * frame[0, (i + 1) % 3])
-            for j in range(3):
-                other = (arm[(j + 1) % 3] * frame[0, (j + 2) % 3]
-                         - arm[(j + 2) % 3] * frame[0, (j + 1) % 3])
-                target[i, j] += turn * spring[a, 0, 0] * other
-                target[i, 3 + j] += turn * left[j, 0]
-                target[3 + j, i] += turn * left[j, 0]
-
-
-@kernel
-def _restore(attached, rows, given_nodes, given_points):
-    """Take the springs of contacts away again."""
-    for a in range(rows.element.size):
-        if rows.node[a] >= 0:
-            attached.node_matrix[rows.node[a]] = given_nodes[rows.node[a]]
-        else:
-            attached.matrix[rows.inside[a]] = given_points[rows.inside[a]]
+        if not blocks.inside[k]:
+            blocks.inside[k] = True
+            for b in range(3):
+                for j in range(6):
+                    blocks.cross[k, b, j] = 0.0
+                for c in range(3):
+                    blocks.own[k, b, c] = 0.0
+        for r in range(3):
+            for b in range(3):
+                beside[r, b] = (spring[a, r, 0] * own[0, b] + spring[a, r, 1] * own[1, b]
+                                + spring[a, r, 2] * own[2, b])
+        for b in range(3):
+            for r in range(3):
+                for j in range(6):
+                    blocks.cross[k, b, j] += own[r, b] * left[r, j]
+                for c in range(3):
+                    blocks.own[k, b, c] += own[r, b] * beside[r, c]
 
 
 class StepLaws(Record):
@@ -263,8 +255,6 @@ class StepLaws(Record):
     give: float          # m/N, compliance of all contacts
     whole: float         # N, all loads on the DLO
     tau: float           # J, barrier parameter to begin with
-    given_nodes: Floats  # (N + 1, 6, 6), (C, 6, 6) second derivatives without the contacts' springs
-    given_points: Floats
     miss: Floats         # (K,) of what is held
 
 
@@ -276,7 +266,7 @@ def step_laws(system, state, table, shear, closed, held):
     """
     contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
     count, length = table.gap.size, np.sum(system.lengths)
-    rows, attached, gap = contact_rows(system, state, table), state.attached, table.gap.copy()
+    rows, gap = contact_rows(system, state, table), table.gap.copy()
     energy = np.sum(np.abs(system.effects.load.pull)) * length + bending_energy(system)
     first, slid, rubbing = np.zeros((count, 3)), np.zeros((count, 2)), np.zeros(count)
     for a in range(count):
@@ -291,16 +281,13 @@ def step_laws(system, state, table, shear, closed, held):
                     slid[a, r] += rows.frame[a, 1 + r, i] * (rows.axis[a, i]
                                                              - contacts.anchor[c, i])
                     first[a, 1 + r] -= rows.frame[a, 1 + r, i] * shear[a, i]
-        if rows.node[a] >= 0:
-            spring_at(attached, rows.node[a])
     miss = np.zeros(held)
     constraint_value(system.effects.hold, state, miss)
     for k in range(held):
         miss[k] *= closed
     return StepLaws(rows, rubbing, np.any(table.rubbing >= 0), gap, slid, first,
                     _GIVE * length * length / energy, energy / length,
-                    _FIRST * energy / system.lengths.size, attached.node_matrix.copy(),
-                    attached.matrix.copy(), miss)
+                    _FIRST * energy / system.lengths.size, miss)
 
 
 class Springs(Record):
@@ -508,17 +495,17 @@ def _to_boundary(x, d):
 
 
 @kernel
-def _standing(system, hessian, shift, floor, most):
+def _standing(system, hessian, blocks, shift, floor, most):
     """Return 0 and about the least shift with which the DLO stands, factorized; 1 if none does."""
     bad = 1
     while bad > 0 and shift < most:
         shift = max(_STIFFER * shift, floor)
-        bad = factorize(system, hessian, shift)
+        bad = factorize_with(system, hessian, blocks, shift)
     if bad == 0:
-        if factorize(system, hessian, 0.5 * shift) == 0:
+        if factorize_with(system, hessian, blocks, 0.5 * shift) == 0:
             shift *= 0.5
         else:
-            factorize(system, hessian, shift)
+            factorize_with(system, hessian, blocks, shift)
     return bad, shift
 
 
@@ -531,7 +518,8 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
     shift that is one, and the most.
     """
     count, rows, give = laws.gap.size, laws.rows, laws.give
-    length = np.sum(system.lengths)
+    length, blocks = np.sum(system.lengths), no_springs(system.lengths.size)
+    assemble(system, state, hessian)
     springs, moved, back = new_springs(count), np.zeros((count, 3)), np.zeros_like(answer.step)
     x, z, dx, dz = (np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3)),
                     np.zeros((count, 3)))
@@ -599,14 +587,13 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
             if mean < _BARRIER * laws.tau and wrong < _ROUGH * far:
                 done = True
                 break
-        _put_springs(state.attached, rows, laws.given_nodes, laws.given_points, springs.spring)
-        assemble(system, state, hessian)
-        bad = factorize(system, hessian, shift)
+        _put_springs(rows, springs.spring, blocks)
+        bad = factorize_with(system, hessian, blocks, shift)
         lost = 0 if bad == 0 else lost + 1
         again, stood = stood and bad > 0, stood or bad == 0 and iteration > 0
         more = 0.0 if bad == 0 or count == 0 else 0.25 * more
         if bad > 0 and (count == 0 or mean <= last or near or again or lost > _LOST):
-            bad, shift = _standing(system, hessian, shift, floor, most)
+            bad, shift = _standing(system, hessian, blocks, shift, floor, most)
             if bad > 0:
                 falls = True
                 break
@@ -614,7 +601,7 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
         unstable = bad > 0
         while bad > 0 and more < _MOST_SHIFT:
             more = max(_LEAST_SHIFT, 4.0 * more)
-            bad = factorize(system, hessian, shift + more)
+            bad = factorize_with(system, hessian, blocks, shift + more)
         if bad > 0:
             falls = True
             break
@@ -706,7 +693,6 @@ def interior_step(system, state, hessian, laws, shift, floor, most, sharp, force
         if count == 0:
             done = True
             break
-    _restore(state.attached, rows, laws.given_nodes, laws.given_points)
     for a in range(count):
         mu = laws.friction[a]
         force[a, 0] = x[a, 0] / mu if mu > 0.0 else x[a, 0]
@@ -727,7 +713,9 @@ def exact_step(system, state, hessian, laws, shift, floor, most, sharp, force, a
     if it is to be `sharp`, near rest: there what seems to fall is left to `interior_step`.
     """
     count, rows, firm = laws.gap.size, laws.rows, 1.0 / laws.give
-    springs, none = new_springs(count), np.zeros_like(answer.step)
+    springs, none, blocks = (new_springs(count), np.zeros_like(answer.step),
+                             no_springs(system.lengths.size))
+    assemble(system, state, hessian)
     bears, slides, z = (np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.bool_),
                         np.zeros((count, 2)))
     p, least = np.empty(count), _BEARS * laws.whole / system.lengths.size
@@ -777,12 +765,11 @@ def exact_step(system, state, hessian, laws, shift, floor, most, sharp, force, a
                             balance[a, 1 + r] * z[a, q] + balance[a, 1 + q] * z[a, r]))
                     springs.force[a, 1 + r] += (springs.spring[a, 1 + r, 1 + q]
                                                 * moved[a, 1 + q])
-        _put_springs(state.attached, rows, laws.given_nodes, laws.given_points, springs.spring)
-        assemble(system, state, hessian)
+        _put_springs(rows, springs.spring, blocks)
         # (with another shift forces before are in balance no more: then all of the step is made)
-        bad, again = factorize(system, hessian, shift), trial == 0
+        bad, again = factorize_with(system, hessian, blocks, shift), trial == 0
         if bad > 0 and (trial == 0 or not sharp):
-            (bad, shift), again = _standing(system, hessian, shift, floor, most), bad > 0
+            (bad, shift), again = _standing(system, hessian, blocks, shift, floor, most), bad > 0
         if bad > 0:
             found = -1
             break
@@ -821,7 +808,6 @@ def exact_step(system, state, hessian, laws, shift, floor, most, sharp, force, a
         if same and change < _SETTLED * laws.whole:
             found = 1
             break
-    _restore(state.attached, rows, laws.given_nodes, laws.given_points)
     for a in range(count):
         size = np.sqrt(z[a, 0] ** 2 + z[a, 1] ** 2)
         limit = laws.friction[a] * p[a]

@@ -5,6 +5,7 @@
 import numpy as np
 
 from dlo_planner.geometry.hessian import element_blocks
+from dlo_planner.geometry.record import Record
 from dlo_planner.geometry.so3 import (
     ZERO,
     added,
@@ -26,9 +27,27 @@ from dlo_planner.geometry.so3 import (
 )
 from dlo_planner.geometry.so3 import cross as crossed
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Bools, Floats
 
 _CLEAR = 1e-3  # of the product of a diagonal: a determinant that has lost three digits at most
 TINY = 1e-16  # of a pivot of zero, as rounding errors leave them: less would overflow further on
+
+
+class SpringBlocks(Record):
+    """Springs that a Hessian has not, of nodes and of points inside elements."""
+
+    acts: Bools     # (N + 1,) whether there are any of a node
+    twist: Floats   # (N + 1, 6, 6) second derivative by its twist, stated at the gripper's origin
+    inside: Bools   # (N,) whether there are any of what is inside an element, which goes with its
+    cross: Floats   # first node: (N, 3, 6) by the element's unknowns and that twist,
+    own: Floats     # (N, 3, 3) by its unknowns
+
+
+@kernel
+def no_springs(n):
+    """Return empty SpringBlocks of N elements."""
+    return SpringBlocks(np.zeros(n + 1, dtype=np.bool_), np.empty((n + 1, 6, 6)),
+                        np.zeros(n, dtype=np.bool_), np.empty((n, 3, 6)), np.empty((n, 3, 3)))
 
 
 @kernel(error_model='numpy', forceinline=True)
@@ -84,11 +103,38 @@ def _passed(turned, gain):
     return (1.0 - p[0], -p[1], -p[2], -p[3], 1.0 - p[4], -p[5], -p[6], -p[7], 1.0 - p[8])
 
 
+@kernel(forceinline=True)
+def _with_springs_of_node(springs, node, turning, mixed, shifting):
+    """Return the second derivative of a cost to go by a node's twist, and of its springs."""
+    if springs is None:
+        return turning, mixed, shifting
+    if not springs.acts[node]:
+        return turning, mixed, shifting
+    more = springs.twist[node]
+    return (added(turning, matrix(more)), added(mixed, matrix(more[:, 3:])),
+            added(shifting, matrix(more[3:, 3:])))
+
+
+@kernel(forceinline=True)
+def _with_springs_inside(springs, e, own, by_turn, by_move):
+    """Return an element's second derivatives by its unknowns, and by what moves it, with springs.
+
+    These are to be added to what it has of springs beyond.
+    """
+    if springs is None:
+        return own, by_turn, by_move
+    if not springs.inside[e]:
+        return own, by_turn, by_move
+    return (added(own, matrix(springs.own[e])), added(by_turn, matrix(springs.cross[e])),
+            added(by_move, matrix(springs.cross[e, :, 3:])))
+
+
 @kernel
-def factorize_blocks(hessian, shift, most):
+def factorize_blocks(hessian, springs, shift, most):
     """Factorize assembled blocks; give up where more than `most` pivots are negative.
 
     Blocks 6 wide, where displacements count as well, are two 3 wide, for rotation and displacement.
+    `springs`: SpringBlocks that are not in them, or None. They join the cost to go at their nodes.
     """
     negative, wide = 0, hessian.twist_jacobian.shape[1] == 6
     turning, mixed, shifting = ZERO, ZERO, ZERO  # second derivative of the cost to go by a twist
@@ -97,6 +143,7 @@ def factorize_blocks(hessian, shift, most):
     for k in range(jacobians.shape[0]):
         e = jacobians.shape[0] - 1 - k
         d, turn, by_move = matrix(diagonals[e]), matrix(jacobians[e]), ZERO
+        turning, mixed, shifting = _with_springs_of_node(springs, e + 1, turning, mixed, shifting)
         by_turn = transposed_times(turn, turning)
         if wide:
             move = matrix(jacobians[e, 3:])
@@ -104,6 +151,7 @@ def factorize_blocks(hessian, shift, most):
             by_move = added(transposed_times(turn, mixed), transposed_times(move, shifting))
             d = added(d, times(by_move, move))
         p = added(d, times(by_turn, turn))
+        p, by_turn, by_move = _with_springs_inside(springs, e, p, by_turn, by_move)
         inverse, below = inverse3((p[0] + shift, p[4] + shift, p[8] + shift, p[3], p[6], p[7]))
         negative += below
         if negative > most:
@@ -261,3 +309,35 @@ def add_block_products(hessian, loads, products):
             a, b, c = own[0, k], own[1, k], own[2, k]
             for p in range(size):
                 products[k, p] += a * answer[0, p] + b * answer[1, p] + c * answer[2, p]
+
+
+@kernel
+def add_springs(jacobians, springs, cross, diagonal):
+    """Add SpringBlocks to the blocks (N, 3, 6) and (N, 3, 3) of a Hessian, see `geometry.hessian`.
+
+    Twists go along by `jacobians` (N, 6, 3).
+    """
+    beyond, through = np.zeros((6, 6)), np.empty((3, 6))
+    n = cross.shape[0]
+    for k in range(n):
+        e = n - 1 - k
+        jacobian = jacobians[e]
+        if springs.acts[e + 1]:
+            for i in range(6):
+                for j in range(6):
+                    beyond[i, j] += springs.twist[e + 1, i, j]
+        for b in range(3):
+            for j in range(6):
+                through[b, j] = 0.0
+                for i in range(6):
+                    through[b, j] += jacobian[i, b] * beyond[i, j]
+                cross[e, b, j] += through[b, j]
+            for c in range(3):
+                for i in range(6):
+                    diagonal[e, b, c] += through[b, i] * jacobian[i, c]
+        if springs.inside[e]:
+            for b in range(3):
+                for j in range(6):
+                    cross[e, b, j] += springs.cross[e, b, j]
+                for c in range(3):
+                    diagonal[e, b, c] += springs.own[e, b, c]

@@ -17,6 +17,7 @@ from dlo_planner.minimize.hessian import (
     assembled_definite,
     compliance,
     factorize,
+    factorize_with,
     is_definite,
     largest_turn,
     new_hessian,
@@ -26,6 +27,7 @@ from dlo_planner.minimize.hessian import (
 from dlo_planner.minimize.kkt import complemented
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import newton
+from dlo_planner.minimize.riccati import no_springs
 from dlo_planner.model.supports import Surroundings
 
 
@@ -59,6 +61,48 @@ def test_solution_and_inertia_are_those_of_the_dense_matrix(problem, shift, rng)
     out = np.empty_like(right)
     solve(system, hessian, right, out)
     np.testing.assert_allclose(out.ravel(), np.linalg.solve(dense, right.ravel()), atol=1e-9)
+
+
+@pytest.mark.parametrize('shift', [0.0, 30.0])
+def test_springs_join_a_hessian_that_is_assembled(problem, shift, rng):
+    """Against the sum of all their second derivatives, written out as matrices."""
+    system, hessian, dense = problem
+    if hessian.cross.shape[2] == 3:
+        pytest.skip('displacements do not matter')
+    n = system.lengths.size
+    springs, whole = no_springs(n), np.zeros((3 * n, 3 * n))
+    twist = np.zeros((6, 3 * n))  # of the node that an element begins at, by all unknowns
+    for e in range(n + 1):
+        if e % 3 == 1:
+            root = rng.normal(size=(6, 6))
+            springs.acts[e], springs.twist[e] = True, root @ root.T
+            whole += twist.T @ springs.twist[e] @ twist
+        if e == n:
+            break
+        own = np.zeros((3, 3 * n))
+        own[:, 3 * e:3 * e + 3] = np.eye(3)
+        if e % 4 == 2:
+            root = rng.normal(size=(3, 3))
+            springs.inside[e], springs.own[e] = True, root @ root.T
+            springs.cross[e] = rng.normal(size=(3, 6))
+            across = own.T @ springs.cross[e] @ twist
+            whole += own.T @ springs.own[e] @ own + across + across.T
+        twist = twist + hessian.twist_jacobian[e] @ own
+    if system.basis.shape[1]:
+        values = np.zeros((n, 3, system.basis.shape[2], 3))
+        for i in range(3):
+            values[:, i, :, i] = system.basis[i]
+        values = values.reshape(3 * n, -1)
+        whole = values.T @ whole @ values
+    whole += dense + shift * np.eye(len(dense))
+    for _ in range(2):  # what is assembled is kept
+        below = factorize_with(system, hessian, springs, shift)
+        assert below == np.sum(np.linalg.eigvalsh(whole) < 0)
+        right = rng.normal(size=(len(dense) // 3, 3))
+        out = np.empty_like(right)
+        solve(system, hessian, right, out)
+        np.testing.assert_allclose(out.ravel(), np.linalg.solve(whole, right.ravel()), rtol=1e-7,
+                                   atol=1e-9)
 
 
 @pytest.mark.parametrize('held', [False, True])
