@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from benchmarks.routes import board as random_board
 from dlo_planner import (
     DirectSimulator,
     FarEnd,
@@ -23,7 +24,8 @@ from dlo_planner import (
     Uncertainty,
     robustness,
 )
-from dlo_planner.inverse.tasks.route import hold_by
+from dlo_planner.inverse.tasks.route import _Routing, hold_by
+from dlo_planner.model.pose import displaced
 from dlo_planner.tasks import Clip, Fork, Peg, Route, task_from_yaml, task_to_yaml
 from dlo_planner.uncertainty.state import UncertainState
 from dlo_planner.verify.replay import replay
@@ -192,6 +194,35 @@ def test_the_dlo_stays_out_of_the_fittings_ahead():
               for hold, wrench in zip(shape.holds, shape.wrenches, strict=True)
               if hold.by == 'fork 1']
     assert max(pushes) >= 0.06
+
+
+def test_a_little_bow_leads_over_what_stands_ahead():
+    direct, task, start = random_board('clips', 16)
+    plan = InverseSimulator(direct).plan(replace(task, fittings=task.fittings[:2]), start=start)
+    assert plan.fraction == 1 and plan.clearance.min() > task.clearance
+
+
+def test_a_refusal_is_that_of_the_bow_that_came_farthest():
+    direct, task, start = random_board('clips', 16)
+    with pytest.raises(Infeasible, match='^press clip 1: .* to clip 2') as refused:
+        InverseSimulator(direct).plan(
+            replace(task, fittings=task.fittings[:2], clearance=9e-3), start=start)
+    assert refused.value.constraint == 'clearance'
+
+
+def test_where_it_comes_to_beside_a_mouth_it_is_led_to_the_middle_first(monkeypatch):
+    found = _Routing._gripper_for
+
+    def beside(*asked):
+        return displaced(found(*asked), np.array([0, 0, 0, 0, 8e-3, 0]))
+    monkeypatch.setattr(_Routing, '_gripper_for', beside)
+    plan = planned(Route([CLIP], far_end=PLUG))
+    entering = next(stage for stage in plan.stages if stage.name == 'enter clip 1')
+    aside = [(shape.positions_at(np.linspace(0, 0.8, 3201)) - CLIP.pose.position)
+             for shape in entering.shapes]
+    missed = [abs(away[np.argmin(abs(away @ CLIP.pose.rotation[:, 0]))] @ CLIP.aside)
+              for away in aside]
+    assert missed[0] > CLIP.room and max(missed[1:]) < 0.1 * CLIP.room
 
 
 def test_what_is_seen_above_a_mouth_is_taken_away_as_deep_as_the_seat():

@@ -66,7 +66,7 @@ _LOOSER = 1.5        # by which it is slackened, or drawn tighter, until it pull
 _ASIDE = 0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.8, -0.8
 # rad: by how much the gripper is turned down as the DLO enters, where that bows it over what stands
 # ahead: it rises towards the gripper then
-_BOWS = 0.0, 0.2, 0.4, 0.8
+_BOWS = 0.0, 0.1, 0.2, 0.4, 0.8
 _EASED = 10.0        # per rad: by how much less than it should it pulls then
 _LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
@@ -415,21 +415,25 @@ class _Routing:
     def _through(self, index: int, shape: Shape) -> Shape:
         """Add the stages of a fitting, by its index; return their end."""
         fitting, name = self._task.fittings[index], self._names[index]
-        self._bow, refused = 0.0, list[Infeasible]()
+        self._bow = 0.0
         self._keep_off(index)
         aim = self._aim_at(fitting, shape, name)
         shape = self._way(shape, self._gripper_for(fitting, shape, aim, name), f'approach {name}')
         self._keep_off(index + 1)
         kept = len(self._stages.plans)
+        farthest, refused = (-1, 0.0), list[Infeasible]()
         for self._bow in _BOWS:
             try:
                 return self._pressed(*self._entered(shape, fitting, aim, name), fitting, name)
             except Infeasible as error:
-                refused.append(error)
                 if error.constraint == 'push':
-                    break
+                    raise
+                reached = (len(self._stages.plans),
+                           0.0 if error.plan is None else error.plan.fraction)
+                if reached > farthest:
+                    farthest, refused = reached, [error]
                 self._stages.cut(kept)
-        raise refused[-1]
+        raise refused[0]
 
     def _keep_off(self, first: int) -> None:
         """Demand that the DLO stays out of all fittings from the `first` on, by its index."""
@@ -634,7 +638,10 @@ class _Routing:
         # once more without the corrections, as it is carried out
         builder = PlanBuilder(np.zeros(len(poses) + 1), replace(
             self._silent, tolerance=fitting.room), f'enter {name}: waypoint')
-        builder.add(self._waypoint(shape, fitting, aim, heights[0]))
+        # where it came to before the mouth, which need not be the middle: the way there may differ
+        # from the one by which the gripper's pose was found, and what slides remembers its way
+        s = aim.level(shape)
+        builder.add(waypoint_at(shape, shape.frame_at(s)[1], s, None)._replace(via_points=()))
         # it stops above the fitting, where what is seen of the DLO tells whether it goes in
         top = 0.0 if fitting.size is None else 0.5 * float(fitting.size[2]) + (
             Surface.of(self._context.rod).bound + self._task.clearance)
