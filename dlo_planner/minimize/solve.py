@@ -444,20 +444,14 @@ def forces_after(system: Problem, state: Configuration, table: Touching, origin:
                  ended: bool) -> Any:
     """Return the forces on nodes (M, N + 1), N, and the points inside elements and of friction.
 
-    What does not bear any more leaves none. What rolled is where it has come to: from where it was
-    steps before, each look would follow it along all elements between. What slid sticks from now on
-    to where it has come to, if the step has `ended`; the last array (C, 3) tells by how much.
+    What does not bear any more leaves none. What slid sticks from now on to where it has come to,
+    if the step has `ended`; the last array (C, 3) tells by how much.
     """
     contacts = system.effects.contact.contacts
     node, multiplier = np.zeros_like(contacts.node), contacts.multiplier.copy()
-    element, fraction = contacts.element.copy(), contacts.fraction.copy()
     for c in range(multiplier.size):
         if contacts.obstacle[c] >= 0:
             multiplier[c] = 0.0
-            if fraction[c] <= 0.0:
-                element[c] = state.attached.element[c]
-            if fraction[c] < 0.0 < state.attached.fraction[c]:
-                fraction[c] = -state.attached.fraction[c]
     for a in range(table.gap.size):
         # below zero a multiplier holds back the spring of a point that does not bear
         o, k, c = table.obstacle[a], table.element[a] + 1, table.inside[a]
@@ -484,8 +478,8 @@ def forces_after(system: Problem, state: Configuration, table: Touching, origin:
             away = x[i] - contacts.anchor[c, i]
             slid[c, i] = out * contacts.normal[c, i] if sticks else away
             anchor[c, i] += slid[c, i]
-    return (node, element, contacts.obstacle, multiplier, fraction, anchor, contacts.normal, shear,
-            slid)
+    return (node, contacts.element, contacts.obstacle, multiplier, contacts.fraction, anchor,
+            contacts.normal, shear, slid)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -478,19 +478,3 @@ def test_friction_goes_along_with_the_point_that_rolls():
     assert contacts.element[rubbing] + contacts.fraction[rubbing] == pytest.approx(places[inside])
     others = np.arange(before.element.size) != rubbing
     np.testing.assert_array_equal(contacts.fraction[others], before.fraction[others])
-
-
-def test_a_point_that_rolls_is_looked_for_where_it_is():
-    """A cable drawn over an edge: from where it once lay the point would be followed each time."""
-    box = Box(Pose((-0.3, 0, -0.2), (0, 0, 0, 1)), (0.6, 0.6, 0.4), friction=0.4)
-    direct = DirectSimulator(CABLE, basis='local', n_elements=64, obstacles=[box])
-    level = Rotation.identity().as_quat()
-    shape = direct.solve(Pose((-0.5, 0, 0.02), level))
-    first = shape.contacts[-1].s
-    for x in (-0.48, -0.46, -0.44):
-        shape = direct.solve(Pose((x, 0, 0.02), level), shape)
-        element, obstacle, force, fraction = shape.state.history.points[:4]
-        (rolls,) = np.flatnonzero((obstacle >= 0) & (force > 0.0))
-        (contact,) = shape.contacts
-        assert (element[rolls] + abs(fraction[rolls])) / 64 == pytest.approx(contact.s, abs=1e-9)
-    assert contact.s < first - 2 / 64
