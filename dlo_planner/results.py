@@ -5,7 +5,7 @@
 from dlo_planner.direct.modes import Modes
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.section_forces import SectionForces
-from dlo_planner.direct.shape import Contact, SelfContact, modes_along
+from dlo_planner.direct.shape import Contact, SelfContact, Try, modes_along
 from dlo_planner.direct.touches import Touch
 from dlo_planner.parallel.shapes import Shapes
 from dlo_planner.plan.stage import Metric, Stage
@@ -13,4 +13,4 @@ from dlo_planner.verify.report import ValidationReport
 from dlo_planner.verify.robustness import Robustness
 
 __all__ = ['Contact', 'Metric', 'Modes', 'Motion', 'Robustness', 'SectionForces', 'SelfContact',
-           'Shapes', 'Stage', 'Touch', 'ValidationReport', 'modes_along']
+           'Shapes', 'Stage', 'Touch', 'Try', 'ValidationReport', 'modes_along']

@@ -80,7 +80,7 @@ ALONE = StepInputs()
 
 
 class StepSolver(NamedTuple):
-    """Takes steps of a DLO; what it is made of is that of a `DirectSimulator`."""
+    """Takes steps of a DLO on the mesh that each needs, as a `DirectSimulator` is asked to."""
 
     first: Discretization
     fine: str                # basis of better meshes

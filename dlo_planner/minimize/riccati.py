@@ -34,13 +34,13 @@ TINY = 1e-16  # of a pivot of zero, as rounding errors leave them: less would ov
 
 
 class SpringBlocks(Record):
-    """Springs that a Hessian has not, of nodes and of points inside elements."""
+    """Springs on nodes and on points inside elements that are not in a Hessian."""
 
-    acts: Bools     # (N + 1,) whether there are any of a node
-    twist: Floats   # (N + 1, 6, 6) second derivative by its twist, stated at the gripper's origin
-    inside: Bools   # (N,) whether there are any of what is inside an element, which goes with its
-    cross: Floats   # first node: (N, 3, 6) by the element's unknowns and that twist,
-    own: Floats     # (N, 3, 3) by its unknowns
+    acts: Bools     # (N + 1,) whether a node has any
+    twist: Floats   # (N + 1, 6, 6) second derivative by a node's twist, at the gripper's origin
+    inside: Bools   # (N,) whether an element has any inside; these move with its first node as well
+    cross: Floats   # (N, 3, 6) second derivative by an element's unknowns and that node's twist
+    own: Floats     # (N, 3, 3) second derivative by an element's unknowns
 
 
 @kernel
