@@ -65,8 +65,9 @@ _LOOSER = 1.5        # by which it is slackened, or drawn tighter, until it pull
 # rad: by how much the gripper goes aside to press, past what stands ahead; the least that is enough
 _ASIDE = 0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.8, -0.8
 # rad: by how much the gripper is turned down as the DLO enters, where that bows it over what stands
-# ahead: it rises towards the gripper then
-_BOWS = 0.0, 0.1, 0.2, 0.4, 0.8
+# ahead: it rises towards the gripper then. The least comes second: with it the DLO is pressed down
+# with twice the pull where more is possible
+_BOWS = 0.0, 0.2, 0.1, 0.4, 0.8
 _EASED = 10.0        # per rad: by how much less than it should it pulls then
 _LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
