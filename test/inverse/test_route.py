@@ -4,9 +4,11 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from benchmarks.routes import board as random_board
 from dlo_planner import (
@@ -24,7 +26,8 @@ from dlo_planner import (
     Uncertainty,
     robustness,
 )
-from dlo_planner.inverse.tasks.route import _Routing, hold_by
+from dlo_planner.inverse.tasks import route
+from dlo_planner.inverse.tasks.route import _HARD, _NEARER, _Routing, hold_by
 from dlo_planner.model.pose import displaced
 from dlo_planner.tasks import Clip, Fork, Peg, Route, task_from_yaml, task_to_yaml
 from dlo_planner.uncertainty.state import UncertainState
@@ -42,6 +45,10 @@ FORK = Fork(toward((0.3, 0.03, 0.1), (-1, -0.2, 0)), push=0.08, room=0.8e-3, sli
 def simulator(n_elements=40):
     return DirectSimulator(CABLE, n_elements=n_elements, basis='local',
                            obstacles=[Plane((0, 0, 0), (0, 0, 1), name='board')])
+
+
+def turned_by(angle):
+    return Rotation.from_rotvec([0, 0, angle]).as_matrix()
 
 
 def planned(task, start=START, n_elements=40):
@@ -200,6 +207,57 @@ def test_a_little_bow_leads_over_what_stands_ahead():
     direct, task, start = random_board('clips', 16)
     plan = InverseSimulator(direct).plan(replace(task, fittings=task.fittings[:2]), start=start)
     assert plan.fraction == 1 and plan.clearance.min() > task.clearance
+
+
+def test_a_way_that_draws_the_dlo_taut_gives_way_to_one_nearer_to_what_holds_it(monkeypatch):
+    shape = next(stage for stage in board().stages if stage.name == 'press clip 1').shapes[-1]
+    pivot, asked = shape.holds[0].pose.position, []
+
+    def pulls(_, grips, *__):
+        away = [np.linalg.norm(one.gripper.position - pivot) for one in grips]
+        asked.append(away[len(away) // 2] / np.mean([away[0], away[-1]]))
+        force = np.zeros((3, 1, 6))
+        force[:, 0, 0] = 1.0, 1.0 + 1e3 * max(0.0, asked[-1] - 0.993), 1.0
+        return SimpleNamespace(wrenches=force)
+    monkeypatch.setattr(route, 'led', pulls)
+    routing = object.__new__(_Routing)
+    routing._context, routing._silent, routing._back = None, None, []
+    routing._simulator, routing._length = simulator(), CABLE.length
+    routing._added = lambda plan, name: plan
+    goal = Pose.from_rotation(pivot + turned_by(0.5) @ (shape.gripper.position - pivot),
+                              turned_by(0.5) @ shape.gripper.rotation)
+    found = routing._way(shape, goal, 'approach')
+    np.testing.assert_allclose(asked, 1 - np.array(_NEARER), atol=5e-4)
+    assert found.wrenches[:, 0, 0].max() < _HARD
+
+
+def test_without_a_push_nothing_is_pressed_for_ever_where_the_way_in_is_blocked(monkeypatch):
+    levels = []
+
+    def presses(self, begin, *asked, press=_Routing._presses):
+        levels.append(begin.gripper.position[2] - 1e-5)
+        return press(self, begin, *asked)
+    monkeypatch.setattr(_Routing, '_presses', presses)
+    monkeypatch.setattr(_Routing, '_keeps_clear',
+                        lambda _, shape: shape.gripper.position[2] > levels[-1])
+    with pytest.raises(Infeasible, match='snaps at 0 N'):
+        planned(Route([replace(CLIP, push=0.0)], far_end=PLUG))
+
+
+def test_what_is_bowed_rises_before_it_goes_aside_over_what_stands_ahead(monkeypatch):
+    class Pressed(Exception):
+        pass
+
+    def added(self, plan, name, add=_Routing._added):
+        if name == 'press fork 1':
+            assert plan.clearance.min() > self._task.clearance
+            raise Pressed
+        return add(self, plan, name)
+    monkeypatch.setattr(_Routing, '_added', added)
+    direct, task, start = random_board('forks', 24)
+    with pytest.raises(Pressed):
+        InverseSimulator(direct).plan(replace(task, fittings=[
+            replace(one, push=0.05) for one in task.fittings[:2]]), start=start)
 
 
 def test_a_refusal_is_that_of_the_bow_that_came_farthest():

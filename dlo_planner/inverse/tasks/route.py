@@ -51,6 +51,9 @@ _STEP = 0.04         # of the length: between two waypoints of the way
 _ENTRIES = 6         # waypoints from the standoff to the seat
 _LEAST = 0.05        # of the length: the least that is left to lead by
 _RISES = 0.0, 0.1, 0.2, 0.35  # of the length: by how much the gripper rises on its way
+# of what it leads: by how much nearer the gripper is halfway; and times the pull at both ends of a
+# way: one on which it pulls harder is not the first choice
+_NEARER, _HARD = (0.0, 0.005, 0.02), 3.0
 # rad: by which it swings into a fitting, the least, and how far beyond level
 _SWING, _LEAST_SWING, _STEEPEST = 0.1, 0.025, 0.35
 _FIRM, _LESS_FIRM = 0.1, 0.5  # least stability of a DLO that presses; or of what it has before
@@ -568,10 +571,12 @@ class _Routing:
 
     # ---- stages -----------------------------------------------------------------------------
 
-    def _poses(self, begin: Pose, holds: Holds, goal: Pose, rise: float) -> list[Pose]:
+    def _poses(self, begin: Pose, holds: Holds, goal: Pose, rise: float,
+               nearer: float = 0.0) -> list[Pose]:
         """Return Poses on the way to a goal, about what holds next to the gripper.
 
-        `rise`: of the length, by how much they rise in the middle.
+        `rise`: of the length, by how much they rise in the middle; `nearer`: by which part of the
+        distance they are nearer there to what holds.
         """
         length = self._length
         up = upwards(self._simulator.surroundings.gravity)
@@ -592,7 +597,8 @@ class _Routing:
             position = (1 - share) * begin.position + share * goal.position
             risen = rise * length * np.sin(np.pi * share) * up
             if pivot is not None:
-                size = (1 - share) * sizes[0] + share * sizes[1]
+                size = ((1 - share) * sizes[0] + share * sizes[1]) * (
+                    1 - nearer * np.sin(np.pi * share))
                 way = size * Rotation.from_rotvec(share * spins).apply(ways[0] / sizes[0]) + risen
                 position = pivot + way * (size / np.linalg.norm(way))
             else:
@@ -604,13 +610,19 @@ class _Routing:
     def _way(self, shape: Shape, goal: Pose, name: str) -> Shape:
         """Add the stage in which the gripper goes to a Pose; return its end.
 
-        Straight on or rising; if that cannot be, back first as it came when it pressed.
+        Straight on or rising; if that cannot be, back first as it came when it pressed. Where the
+        DLO turns on its way it may be drawn taut between two ends at which it is slack: then the
+        gripper keeps nearer to what holds it.
         """
         refused: Infeasible | None = None
-        for back, rise in product([[], self._back] if self._back else [[]], _RISES):
+        found, least = None, np.inf
+        for back, rise, nearer in product([[], self._back] if self._back else [[]], _RISES,
+                                          _NEARER if shape.holds else (0.0,)):
+            if nearer and found is None:
+                continue  # a way that cannot be is none because it is too taut
             begin = back[-1] if back else shape.gripper
             grips = [Grips(pose, shape.holds) for pose in (
-                shape.gripper, *back, *self._poses(begin, shape.holds, goal, rise))]
+                shape.gripper, *back, *self._poses(begin, shape.holds, goal, rise, nearer))]
             try:
                 plan = led(self._context, grips, self._silent, (), shape)
             except Infeasible as error:
@@ -618,7 +630,14 @@ class _Routing:
                                        and error.plan.fraction > refused.plan.fraction):
                     refused = error
                 continue
-            return self._added(plan, name)
+            pulls = np.linalg.norm(plan.wrenches[:, 0, :3], axis=1)
+            hard = float(pulls.max() / max(pulls[0], pulls[-1]))
+            if hard < least:
+                found, least = plan, hard
+            if hard < _HARD:
+                break
+        if found is not None:
+            return self._added(found, name)
         assert refused is not None  # one way is tried at least
         raise again(refused, f'{name}: ')
 
@@ -719,8 +738,8 @@ class _Routing:
                 little = fitting.push and side == beside and pulls < (1 - _PULLED) * wanted
                 if not lifts and not little and (
                         not fitting.push or pulls < (1 + _PULLED) * wanted):
-                    good = there.stability > firm and self._silent.violation(
-                        Waypoint(there)) is None
+                    good = there.stability > firm and self._keeps_clear(there) and (
+                        side == beside or self._keeps_clear(self._halfway(found[-1], there)))
                     return (there, loose) if good else None
                 guess = loose * (_LOOSER if much else 1 / _LOOSER)
                 if known is not None and min(pulls, known[1]) > 0 and pulls != known[1]:
@@ -745,8 +764,8 @@ class _Routing:
             if left:  # what is bowed would come down on what stands ahead: it rises then
                 there = aside - float(np.sign(left)) * max(0.0, abs(left) - _SWING)
                 tries = [(angle + rise, there, pull) for rise in (0.0, 0.5 * _SWING, _SWING)]
-            elif by < _LEAST_SWING:
-                del tries[0]
+            else:  # where nothing has to snap, a stronger pull would go on for ever
+                tries = tries[by < _LEAST_SWING:2 if fitting.push else 1]
             for lower, side, wanted in tries:
                 if (new := pressed(lower, side, wanted)) is not None:
                     if (lower, side, new[1]) != (angle, beside, slack):  # else it pulls enough
@@ -759,6 +778,15 @@ class _Routing:
             else:
                 break
         return found
+
+    def _halfway(self, one: Shape, other: Shape) -> Shape:
+        """Return the Shape in the middle of the way of the gripper between two."""
+        middle = Grips(one.gripper, one.holds).towards(Grips(other.gripper, other.holds), 0.5)
+        return self._simulator.track([middle.gripper], initial=one, holds=[middle.holds])[0]
+
+    def _keeps_clear(self, shape: Shape) -> bool:
+        """Whether a Shape breaks no demand."""
+        return self._silent.violation(Waypoint(shape)) is None
 
     def _pull(self, shape: Shape, seat: Floats) -> float:
         """Return the force with which the gripper pulls the DLO away from a seat (3,), N."""
