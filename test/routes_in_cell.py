@@ -10,8 +10,8 @@ walls: two prongs, a floor, and a lid that snaps shut when the floor bears the `
 the cable rubs on them as Coulomb says, not with the friction that the planner takes. Clips hold
 what lies in them when their floor bears their push. Where a fitting has snapped the gripper stops
 and turns back, as a robot does that feels it. Where the cable is a little longer than stated it
-does not snap at the planned pose: then the gripper goes on, straight and slowly, until it does, 6
-mm at most, as a robot does that presses. A run is done when each fitting has snapped with the cable
+does not snap at the planned pose: then the gripper goes on slowly, as it swung and away from the
+fitting, until it does, 6 mm at most, as a robot does that presses. A run is done when each fitting has snapped with the cable
 in it, the cable is in all of them at the end, and nothing was rammed: no fitting, nor the cable
 torn at by its gripper. The cable is led nearly taut, by a hand under impedance control (500 N/m)
 that is fed with the planned wrenches of the gripper.
@@ -179,7 +179,9 @@ class Run:
         at = stage.stops[0] if stage.stops else len(stage) - 1
         before, top, end = (stage.grippers[i] for i in (at - 1, at, -1))
         pressing, resting = stage.wrenches[[at, -1], 0]
-        way = top.position - before.position
+        # it swings on, and pulls: what swings alone may come to the board before it presses
+        ways = top.position - before.position, top.position - self.fittings[k].pose.position
+        way = sum(one / np.linalg.norm(one) for one in ways)
         way *= ON / np.linalg.norm(way)
 
         def lead(begin, goal, fed, then, steps):
