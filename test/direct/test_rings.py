@@ -127,6 +127,7 @@ def test_a_ring_without_friction_changes_no_tension():
 # ---- friction, and what is remembered --------------------------------------------------------
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('grip', ['ring', 'tube'])
 def test_the_gripper_pays_for_energy_and_friction(grip):
     # forth and back: nothing is lost but what friction takes, the work of the gripper is all
