@@ -3,6 +3,7 @@
 """A motion of several arms, as a machine: one time for all, limits and guards of each; no node."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -89,13 +90,18 @@ def parts(robots):
             for name, poses in robots.streams().items() if poses}
 
 
+@cache
+def sampled():
+    """Return where the gripper and the second arm are at 20000 times of their ways, m."""
+    times = np.linspace(0, WAY.duration, 20000)
+    return [way.frames(times)[0] for way in (WAY, WAY.arm('second'))]
+
+
 def in_step(robots):
     """Assert that at each moment all arms were sent to one time of their ways."""
     streams = robots.streams()
     assert len({len(poses) for poses in streams.values()}) == 1
-    times = np.linspace(0, WAY.duration, 20000)
-    known = np.array([pose.position for pose in WAY.poses(times)])
-    other = np.array([pose.position for pose in WAY.arm('second').poses(times)])
+    known, other = sampled()
     for first, second, third in zip(*streams.values(), strict=True):
         at = np.linalg.norm(known - first.position, axis=1).argmin()
         # 0.1 mm of the gripper are 0.3 mm of the other arm
