@@ -120,6 +120,7 @@ def test_all_arms_go_by_one_time_to_their_ends(horizon):
     assert parts(robots)['second'] > 2 * parts(robots)['gripper']
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('horizon', [0.0, 1.0])
 @pytest.mark.parametrize('share', [0.1, 0.4, 0.8])
 def test_a_stop_keeps_the_limits_of_the_quickest_arm(horizon, share):
@@ -133,6 +134,7 @@ def test_a_stop_keeps_the_limits_of_the_quickest_arm(horizon, share):
         assert one.phase == 'stopped' and one.done == robots.execution.done
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('late', [1, 6, 15, 40])
 @pytest.mark.parametrize('share', [0.2, 0.4, 0.95])
 def test_a_stop_that_goes_out_late_begins_where_the_robots_are(late, share):
