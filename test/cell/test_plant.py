@@ -65,6 +65,7 @@ def test_tip_of_benchmark_a(wire, level):
     assert 3.6 < coarse / fine < 4.4  # second order
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('rolled', 'curved'), [(0, 0), (22.5, 0), (45, 0), (70, 0), (30, 2)])
 def test_a_soft_wire_that_bends_over_hangs_alike_however_it_is_rolled(rolled, curved):
     length, mass = 0.36, 0.0158
@@ -204,6 +205,7 @@ def test_gripper_turns_evenly():
     assert tangent == pytest.approx(turned.direction, abs=1e-3)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('prop', [
     Sphere((0.99, 0, 0.948), 0.05), Capsule((0.99, -0.5, 0.948), (0.99, 0.5, 0.948), 0.05),
     Cylinder((0.99, -0.5, 0.948), (0.99, 0.5, 0.948), 0.05),
@@ -388,6 +390,7 @@ def test_what_makes_no_sense_is_refused(make, named):
         make()
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('grip', ['clamped', 'pinned'])
 def test_a_held_far_end_stays_where_it_is_held(grip):
     rod, far = Rod(1.0, 0.05, 0.1, 0.08, radius=2e-3), FarEnd(Pose.looking_along(
