@@ -254,6 +254,7 @@ def test_a_controller_whose_clock_is_behind_hears_what_it_knows(defers):
     assert not cell.led.refused
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('name', 'shift'), [('ur5', (0.0, 0.25, 0.1)), ('panda', (0.0,) * 3)])
 def test_a_second_motion_begins_where_the_first_one_rests(name, shift):
     make, ready = ARMS[name]

@@ -251,6 +251,7 @@ def test_a_coarse_dt_is_cut():
     assert np.abs(here.at(np.zeros(2)).away).max() < 2.5e-4 < 0.5 * off
 
 
+@pytest.mark.sweep
 def test_a_motion_tells_ratios_only(rng):
     rod = Rod(1.0, 0.07, 0.05, 0.04, damping=(0.5, 0.004))
     names = ('bending_stiffness', 'mass_per_length')

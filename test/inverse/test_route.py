@@ -196,6 +196,7 @@ def test_the_dlo_stays_out_of_the_fittings_ahead():
     assert max(pushes) >= 0.06
 
 
+@pytest.mark.sweep
 def test_a_little_bow_leads_over_what_stands_ahead():
     direct, task, start = random_board('clips', 16)
     plan = InverseSimulator(direct).plan(replace(task, fittings=task.fittings[:2]), start=start)
@@ -225,6 +226,7 @@ def test_where_it_comes_to_beside_a_mouth_it_is_led_to_the_middle_first(monkeypa
     assert missed[0] > CLIP.room and max(missed[1:]) < 0.1 * CLIP.room
 
 
+@pytest.mark.sweep
 def test_what_is_seen_above_a_mouth_is_taken_away_as_deep_as_the_seat():
     # a DLO bows over the prongs of what stands ahead, and is drawn straight as it goes in
     made, direct = in_line(), simulator().without_obstacles()
