@@ -339,7 +339,6 @@ def test_the_certificate_of_a_soft_cable_names_the_shapes_that_stand():
     assert plan(rod, cutout).misalignment.max() > 0.02  # obliquely from the tip on
 
 
-@pytest.mark.sweep
 def test_a_refusal_says_what_would_help():
     stiffness = 0.05 * 9.80665 / 100
     rod = Rod(1.0, 0.05, stiffness, 0.75 * stiffness, radius=2e-3)
