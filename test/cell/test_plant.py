@@ -206,7 +206,7 @@ def test_gripper_turns_evenly():
     assert tangent == pytest.approx(turned.direction, abs=1e-3)
 
 
-@pytest.mark.every(2)
+@pytest.mark.every(4)
 @pytest.mark.parametrize('prop', [
     Sphere((0.99, 0, 0.948), 0.05), Capsule((0.99, -0.5, 0.948), (0.99, 0.5, 0.948), 0.05),
     Cylinder((0.99, -0.5, 0.948), (0.99, 0.5, 0.948), 0.05),

@@ -26,7 +26,7 @@ def error(shape, true, gripper=HERE):
     return np.linalg.norm(shape.positions_at(samples) - exact, axis=1).max()
 
 
-@pytest.mark.every(7)
+@pytest.mark.every(11)
 @pytest.mark.parametrize('options', [{}, {'accuracy': 1e-5}, {'n_elements': 64},
                                      {'basis': 'local', 'n_elements': 40}])
 @pytest.mark.parametrize('seed', range(4))
@@ -41,7 +41,7 @@ def test_random_steps(seed, options):
     assert off < (simulator.accuracy or np.inf)
 
 
-@pytest.mark.every(3)
+@pytest.mark.sweep
 @pytest.mark.parametrize('width', [0.1, 0.004, 1e-3])
 def test_a_narrow_bend_is_not_overlooked(width):
     # a patch that half of all meshes do not see at the middles of their elements
