@@ -23,7 +23,6 @@ WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 AWAY = Pose.looking_along((-1.3, 0.2, 1.1), (1.0, 0.2, 0.1))
 LEVEL = Pose((0.0, 0.0, 1.0), (0, 0, 0, 1))
-DEEPEST = 0.4  # of the length: a proof simulates all of the motion
 
 
 def cube(height, number=0, frame='world', kind=Marker.CUBE, action=Marker.ADD):
@@ -85,15 +84,14 @@ def robot(client):
 @pytest.fixture
 def begun(client, robot):
     """Plan from where the gripper is; yield the Path."""
-    client.set_parameters(threading__standoff=0.05, threading__deepest=DEEPEST,
-                          cutouts__radius=0.01, rod__damping=[0.5, 0.01])
+    client.set_parameters(threading__standoff=0.05, cutouts__radius=0.01,
+                          rod__damping=[0.5, 0.01])
     client.shape_for(AWAY)
     path, _ = client.plan_threading(AWAY, GOAL)
     yield path
     if 'execution' in client.trigger('cancel').message:  # and not only a proof
         client.execution_in('stopped')
-    client.set_parameters(threading__standoff=0.0, threading__deepest=0.95, cutouts__radius=0.0,
-                          rod__damping=[0.0, 0.0])
+    client.set_parameters(threading__standoff=0.0, cutouts__radius=0.0, rod__damping=[0.0, 0.0])
 
 
 def test_a_plan_begins_where_the_gripper_is_is_proved_and_goes_from_there_alone(
