@@ -165,7 +165,7 @@ def test_stages_that_are_held_differently_are_one_after_the_other():
 
 def test_grasp_errors_of_both_arms_move_the_dlo_as_differences_say():
     uncertainty = Uncertainty(gripper_position=1e-4, gripper_rotation=2e-3, bending_stiffness=0.02)
-    found = robustness(DIRECT, carried(), uncertainty, samples=80, seed=3)
+    found = robustness(DIRECT, carried(), uncertainty, samples=200, seed=3)
     shape, names = carried().shapes[-1], list(found.causes)
     # each grip turned about each axis, and displaced along it, by a solution of its own
     squares = {name: np.zeros(shape.s.size) for name in ('gripper_rotation', 'gripper_position')}
