@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether tests notice faults: one line at a time is made wrong in a copy of the tree.
 
-python -m benchmarks.faults [--names WORD ...] [--output faults.json]
+python -m benchmarks.faults [--names WORD ...] [--quick] [--output faults.json]
 
 `faults.toml` lists the faults, each with the test files that ought to notice it, or with tests of a
 file that takes long. A fault is noticed if one of them fails or does not end. At the end the tests
@@ -32,6 +32,7 @@ LIST = Path(__file__).with_suffix('.toml')
 LONGEST = 300.0  # s, after which the tests of a fault count as hanging
 PYTEST = (sys.executable, '-m', 'pytest', '-q', '-m', 'not real_time', '-p', 'no:cacheprovider',
           '-rfE', '--no-header', '--tb=no', '--durations=0', '--durations-min=1e9')
+QUICK = ('-m', 'not real_time and not sweep')  # as `make test` does: pytest heeds the last one
 _LEFT_OUT = shutil.ignore_patterns('.*', 'build', 'docs', '*_output')
 _PASSED, _FAILED = 0, 1  # how pytest ends; else it could not run
 
@@ -99,7 +100,7 @@ def tested(tree: Path, tests: Iterable[str], *options: str) -> tuple[int | None,
         return status, re.findall(r'^(?:FAILED|ERROR) (\S+?::.*?)(?: - .*)?$', said.read(), re.M)
 
 
-def tried(tree: Path, fault: Fault) -> Outcome:
+def tried(tree: Path, fault: Fault, *options: str) -> Outcome:
     """Return whether its tests notice a fault; the file is as it was afterwards."""
     path, began = tree / fault.file, perf_counter()
     text = path.read_text()
@@ -107,7 +108,7 @@ def tried(tree: Path, fault: Fault) -> Outcome:
         old.unlink()  # it could be taken for that of a file of the same size and second
     path.write_text(fault.applied(text))
     try:
-        status, by = tested(tree, fault.tests, '-x')
+        status, by = tested(tree, fault.tests, '-x', *options)
     finally:
         path.write_text(text)
     said = {_PASSED: 'unnoticed', _FAILED: 'noticed', None: 'noticed'}.get(
@@ -124,7 +125,7 @@ def main(arguments: list[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as folder:
         tree = copied(Path(folder))
         for fault in faults:
-            found.append(tried(tree, fault))
+            found.append(tried(tree, fault, *(QUICK if options.quick else ())))
             print(f'{len(found)} of {len(faults)} in {found[-1].seconds:.0f} s: '
                   f'{found[-1].said}: {fault.name}', flush=True)
             if options.output:
@@ -145,6 +146,8 @@ def _parser() -> argparse.ArgumentParser:
                                      description=__doc__.splitlines()[0])
     parser.add_argument('--names', nargs='+', default=[], metavar='WORD',
                         help='only faults with one of these in name or file; default: all')
+    parser.add_argument('--quick', action='store_true',
+                        help='without sweeps: what `make test` notices')
     parser.add_argument('--output', type=Path, help='JSON, rewritten after each fault')
     return parser
 

@@ -9,6 +9,7 @@ estimated: natural curvature by twelve Legendre polynomials, where the observer 
 
 import sys
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from time import perf_counter
 
@@ -115,6 +116,11 @@ def looked(truth, observer, rng, gripper, looks=30, estimate=None, **how):
 
 
 def plan_of(rod=WIRE, hole=HOLE, start=None, depths=DEPTHS):
+    return _planned(rod, hole, start, tuple(depths))
+
+
+@cache
+def _planned(rod, hole, start, depths):
     return InverseSimulator(DirectSimulator(rod)).thread(hole, depths=depths, start=start)
 
 

@@ -20,6 +20,7 @@ from msg_helpers.poses import pose_from_msg
 ROOT = Path(__file__).parent.parent
 WIRE = ('--params-file', str(ROOT / 'config' / 'copper_wire.yaml'))  # where no other DLO is given
 PATIENCE = 60.0  # s to wait for what has to come: a busy machine is late, a fault is for good
+DEEPEST = 0.4  # of the length, so far is threaded: a proof simulates all of the motion
 TRIES = 3        # to keep a limit of time: a busy machine spoils it now and then, a fault always
 # Guards of time and tracking, for a robot in a busy process; their own tests need no process.
 ROOM = {'incoming_command_timeout': 2.0, 'execute.longest_pause': 2.0,

@@ -73,7 +73,7 @@ def from_afar():
 
 def with_moments():
     loads = [PointLoad(moment=(0.02, 0.05, 0.08)), PointLoad(moment=(0.05, 0, -0.1), s=0.5)]
-    return fine(32, obstacles=AMONG, point_loads=loads).solve(TILTED)
+    return fine(20, obstacles=AMONG, point_loads=loads).solve(TILTED)
 
 
 def hanging():
@@ -99,7 +99,7 @@ def by_dfp():
 
 @cache
 def bearing():
-    simulator = fine(3000, Rod(1.0, 0.1, 0.1, 0.07, radius=0.01),
+    simulator = fine(1500, Rod(1.0, 0.1, 0.1, 0.07, radius=0.01),
                      obstacles=[Plane((0, 0, 0.7), (0, 0, 1), 0.3)])
     return simulator, simulator.solve(LEVEL)
 
@@ -137,7 +137,7 @@ def looks_of(call):
 def test_whatever_a_look_raises_comes_out_at_once_and_nothing_else_changes(call, least):
     before, looks = call(), looks_of(call)
     assert looks >= least
-    for last in {1, 2, looks // 3, looks // 2, looks - 1, looks} - {0}:
+    for last in {1, looks // 2, looks}:
         stop = Looks(last)
         with pytest.raises(Stopped) as caught, interrupted_by(stop):
             call()

@@ -192,6 +192,7 @@ def make_read_only(folder):
         path.chmod(0o555 if path.is_dir() else 0o444)
 
 
+@pytest.mark.sweep
 def test_an_edit_of_a_kernel_that_others_call_compiles_those_and_no_others(copied):
     assert run(copied) == [[3.5, 0.0], [], ALL, str(kept(copied))]
     assert run(copied)[:3] == [[3.5, 0.0], KEPT, []]

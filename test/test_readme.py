@@ -38,6 +38,7 @@ def test_the_example_does_what_it_says():
     np.testing.assert_allclose(shape.tangents[-1], names['hole'].normal, atol=1e-3)
 
 
+@pytest.mark.sweep
 def test_its_commands_say_what_it_says(tmp_path, monkeypatch):
     pytest.importorskip('matplotlib')
     monkeypatch.chdir(tmp_path)

@@ -15,6 +15,8 @@ As its documentation and its source (ros2_controllers, 4.x, of Jazzy) have them:
   what it had goes on until then; of several such messages the last one counts.
 """
 
+from math import perm
+
 import numpy as np
 
 _EPSILON = np.finfo(np.float32).eps
@@ -120,5 +122,4 @@ def _between(since, whole, one, other):
 
 def _power(time, power, order):
     """Return a derivative of time**power."""
-    factor = np.prod(np.arange(power, power - order, -1.0))
-    return factor * time**(power - order) if power >= order else 0.0
+    return perm(power, order) * time**(power - order) if power >= order else 0.0

@@ -48,7 +48,7 @@ class Cell:
         self.led = TrajectoryController(arm.joints, np.array(joints) + off, **controller)
         self.joints, self.speeds = np.array(joints, float), np.zeros(len(joints))
         self.off, self.coming, self.told = off, [], None
-        self.commands, self.lost = [], lambda time: False
+        self.commands, self._grippers, self.lost = [], [], lambda time: False
         self.samples = 0
 
     def run(self, end, events=None):
@@ -90,7 +90,9 @@ class Cell:
     @property
     def grippers(self):
         """Poses of the gripper that was commanded, one a sample."""
-        return [self.arm.pose(joints).compose(TOOL) for joints in self.commands]
+        self._grippers += [self.arm.pose(joints).compose(TOOL)
+                           for joints in self.commands[len(self._grippers):]]
+        return self._grippers
 
     def largest(self):
         """Return the largest part of the limits that is used, by differences over a period."""
@@ -108,6 +110,7 @@ class Cell:
 ARMS = {'ur5': (ur5, UR5_READY), 'panda': (panda, PANDA_READY)}
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('name', 'controller'), [
     ('ur5', {'tolerance': 0.02}), ('ur5', {'open_loop': True, 'defers': True}),
     ('panda', {'has_velocities': False}), ('panda', {'open_loop': True})])
@@ -163,6 +166,7 @@ def test_an_arm_that_hears_no_more_comes_to_rest_on_its_way_and_is_stopped():
     assert asides.min() < 1e-4
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('late', [0.0, 0.09])
 @pytest.mark.parametrize('at', [0.1, 0.5, 1.2, 2.6])
 def test_cancel_is_a_trajectory_to_rest_within_the_limits(at, late):
@@ -238,7 +242,8 @@ def test_an_arm_that_is_blocked_is_held_by_its_controller_and_stopped():
     assert max(places) <= 0.03 and not cell.led.refused
 
 
-@pytest.mark.parametrize('defers', [False, True])
+@pytest.mark.every(2)
+@pytest.mark.parametrize('defers', [True, False])
 def test_a_controller_whose_clock_is_behind_hears_what_it_knows(defers):
     going = motion(ur5(), UR5_READY)
     cell = Cell(ur5(), UR5_READY, going, defers=defers)
@@ -249,6 +254,7 @@ def test_a_controller_whose_clock_is_behind_hears_what_it_knows(defers):
     assert not cell.led.refused
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('name', 'shift'), [('ur5', (0.0, 0.25, 0.1)), ('panda', (0.0,) * 3)])
 def test_a_second_motion_begins_where_the_first_one_rests(name, shift):
     make, ready = ARMS[name]

@@ -43,5 +43,10 @@ def test_a_fault_is_noticed_or_not_and_the_file_is_as_it_was(tmp_path):
     assert faults.tried(tmp_path, wrong._replace(tests=['test_badly.py'])).said == 'unnoticed'
     assert faults.tried(tmp_path, wrong._replace(tests=['test_none.py'])).said == (
         'pytest ended with 4')
+    slow = (tmp_path / 'test_well.py').read_text().replace(
+        'def test_it', 'import pytest\n\n\n@pytest.mark.sweep\ndef test_it')
+    (tmp_path / 'test_slow.py').write_text(slow)
+    for options, said in (((), 'noticed'), (faults.QUICK, 'pytest ended with 5')):
+        assert faults.tried(tmp_path, wrong._replace(tests=['test_slow.py']), *options).said == said
     assert (tmp_path / 'halves.py').read_text() == before
     assert faults.tested(tmp_path, found.by) == (0, [])

@@ -172,6 +172,7 @@ def test_nothing_happens_before_it_may():
     assert [later.push(bump, time) for time in (5.09, 5.3, 5.51)] == pytest.approx([0, 1, 0])
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(('place', 'aside'), [(1.0, (0, 1, 0)), (0.5, (0, 1, 0)),
                                               (1.0, (0.3, 0.2, 1)), (1.0, (0.6, 0.3, -1))])
 def test_a_bump_displaces_by_as_much_as_stated_and_ends(place, aside):

@@ -65,6 +65,7 @@ def test_tip_of_benchmark_a(wire, level):
     assert 3.6 < coarse / fine < 4.4  # second order
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('rolled', 'curved'), [(0, 0), (22.5, 0), (45, 0), (70, 0), (30, 2)])
 def test_a_soft_wire_that_bends_over_hangs_alike_however_it_is_rolled(rolled, curved):
     length, mass = 0.36, 0.0158
@@ -79,6 +80,7 @@ def test_a_soft_wire_that_bends_over_hangs_alike_however_it_is_rolled(rolled, cu
     assert np.linalg.norm(off, axis=1).max() < 2.5e-4  # 3.4 mm without what is turned and cubic
 
 
+@pytest.mark.sweep
 def test_a_thread_and_a_hose_are_like_a_wire():
     # stiffness as the fifth power of the length: the same shape at every scale, over sqrt(length)
     def pushed(scale):
@@ -204,6 +206,7 @@ def test_gripper_turns_evenly():
     assert tangent == pytest.approx(turned.direction, abs=1e-3)
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize('prop', [
     Sphere((0.99, 0, 0.948), 0.05), Capsule((0.99, -0.5, 0.948), (0.99, 0.5, 0.948), 0.05),
     Cylinder((0.99, -0.5, 0.948), (0.99, 0.5, 0.948), 0.05),
@@ -320,6 +323,7 @@ def test_true_masses():
     assert 1 - uneven.tip.position[2] == pytest.approx(1e-2 * (0.95 / 8 + 1.1 / 120), rel=3e-3)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('seed', range(3))
 def test_a_drawn_truth_hangs_as_the_package_says(wire, seed):
     truth = VERY_UNCERTAIN.draw(np.random.default_rng(seed))
@@ -388,6 +392,7 @@ def test_what_makes_no_sense_is_refused(make, named):
         make()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize('grip', ['clamped', 'pinned'])
 def test_a_held_far_end_stays_where_it_is_held(grip):
     rod, far = Rod(1.0, 0.05, 0.1, 0.08, radius=2e-3), FarEnd(Pose.looking_along(

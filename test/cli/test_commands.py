@@ -303,6 +303,7 @@ def test_it_may_begin_at_the_gripper():
     np.testing.assert_allclose(Plan.load('plan.npz').grippers[0].position, (-0.9, 0.1, 1))
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('stated', [('--hold-at', '0.4'), ('-p', 'rod.grasped_at=0.4')])
 def test_it_is_held_where_that_is_stated(stated):
     result = run('thread', 'copper_wire', *QUICK, '--hole', '0.4,0,1', '--radius', '0.02', *stated,

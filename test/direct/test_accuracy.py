@@ -16,6 +16,7 @@ from dlo_planner.direct.accuracy import mode_may_be_missed, surely_within
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 
 
+@pytest.mark.sweep
 def test_a_held_dlo_keeps_an_accuracy():
     rod = Rod(1.0, 0.05, (0.3, 0.6), 0.4, natural_curvature=(0.5, -0.3))
     end = FarEnd(Pose((0.6, 0.1, 0.9), (0, 0, 0, 1)))

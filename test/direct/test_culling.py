@@ -187,6 +187,7 @@ def test_a_motion_reaches_what_acts(around, all_acts):
     np.testing.assert_allclose(one.losses, other.losses, atol=1e-7)
 
 
+@pytest.mark.sweep
 def test_nothing_is_passed_between_two_poses(all_acts):
     """A bar of 2 mm lies between the wire before the step and where it would hang after it."""
     bar = {'obstacles': [Capsule((0.3, -0.5, 0.86), (0.3, 0.5, 0.86), 1e-3)]}

@@ -57,7 +57,7 @@ def swing(steps, integrator='generalized_alpha', rod=None, seconds=0.6, toleranc
                                                     integrator=integrator, tolerance=tolerance)
 
 
-@pytest.mark.every(7)
+@pytest.mark.every(9)
 @pytest.mark.parametrize('integrator', ['paper', 'generalized_alpha'])
 @pytest.mark.parametrize(('method', 'mesh'), [
     ('dfp', {'n_elements': 24, 'n_terms': 5}), ('dfp', {'basis': 'local', 'n_elements': 16}),

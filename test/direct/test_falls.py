@@ -60,6 +60,7 @@ def test_a_light_contact_leaps_to_no_other_branch_in_silence(scene, kind):
     assert fallen(*way, FALLS_ON[scene % 4]) == kind
 
 
+@pytest.mark.sweep
 def test_a_column_buckles_in_short_steps():
     # the plane in which it does is nearly neutral
     assert column(0.2, 0.002, {'basis': 'local', 'n_elements': 32}, 0.01) == (0.0, '')

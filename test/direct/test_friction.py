@@ -102,6 +102,7 @@ def test_a_tip_that_sticks_slips_where_the_elastica_says(mu, step):
     assert way + moved == pytest.approx(expected, rel=0.02)  # it follows the gripper from there on
 
 
+@pytest.mark.sweep
 def test_a_tip_that_lets_go_leaps_and_says_so():
     # a column that has buckled over its tip: no equilibrium is near when it slips
     mu = 0.3

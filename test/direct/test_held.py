@@ -321,6 +321,7 @@ def check_laws(rod, shape):
     np.testing.assert_allclose(moment, 0, atol=1e-4 * weight)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 @pytest.mark.parametrize('load', [1e3, 1e4])
 def test_a_cable_that_would_hang_through_a_peg_lies_on_it(load, basis):

@@ -58,7 +58,7 @@ def test_cantilever_reference_is_that_of_the_table():
         assert level_cantilever(load)[1] == pytest.approx(drop, abs=1e-6)
 
 
-@pytest.mark.every(4)
+@pytest.mark.every(6)
 @pytest.mark.parametrize(('kind', 'closed'), [('tip', 4.0126), ('load', 12.854)])
 @pytest.mark.parametrize(('strong', 'torsion'), [(1e4, 1.0), (100.0, 2.0), (10.0, 0.7)])
 def test_lateral_buckling_of_a_strip(kind, closed, strong, torsion):
@@ -77,7 +77,7 @@ def test_lateral_buckling_of_a_strip(kind, closed, strong, torsion):
     assert beyond.converged and abs(beyond.positions[-1, 1]) > 0.05
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(4)
 @pytest.mark.parametrize(('angle', 'curvature', 'between', 'factors'), [
     (np.pi / 2, 6.0, (12, 15), (0.95, 0.97, 0.99)), (np.pi / 2, 6.0, (25, 30), (1.01, 1.03, 1.05)),
     (0.0, -3.0, (7, 10), (0.95, 0.97, 0.99)), (0.0, -3.0, (13, 16), (1.01, 1.03, 1.05))],
@@ -104,6 +104,7 @@ def test_euler_column():
     assert np.roots(np.polyfit(loads, values, 1))[0] == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(('tension', 'n_elements'), [(1.0, 96), (20.0, 96), (25.0, 96), (50.0, 96),
                                                      (400.0, 192)])
 def test_twist_that_makes_a_rod_under_tension_writhe(tension, n_elements):
@@ -157,6 +158,7 @@ def test_a_localized_helix():
     assert moment**2 / (2 * force * (1 + steepest)) == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('options', [{}, {'basis': 'local', 'n_elements': 128}])
 def test_an_arch_between_clamps_snaps_through(options):
     slack = 0.05

@@ -127,6 +127,7 @@ def test_a_ring_without_friction_changes_no_tension():
 # ---- friction, and what is remembered --------------------------------------------------------
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('grip', ['ring', 'tube'])
 def test_the_gripper_pays_for_energy_and_friction(grip):
     # forth and back: nothing is lost but what friction takes, the work of the gripper is all
@@ -206,6 +207,7 @@ def test_what_is_out_of_reach_whatever_is_in_the_rings_is_said():
 # ---- all around -----------------------------------------------------------------------------
 
 
+@pytest.mark.sweep
 def test_an_accuracy_is_kept_with_what_is_in_the_rings():
     simulator, holds = board('ring', 0.3, n_elements=None, basis=None, accuracy=1e-5)
     shape = simulator.solve(pulled(0.02), simulator.solve(HERE, holds=holds), holds=holds)

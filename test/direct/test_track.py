@@ -33,7 +33,7 @@ def test_benchmark_c(wire, basis):
         assert shape.error_estimate > error / 10
 
 
-@pytest.mark.every(3)
+@pytest.mark.sweep
 @pytest.mark.parametrize('options', [
     {'method': 'dfp'}, {'method': 'dfp', 'basis': 'local', 'n_elements': 24},
     {'method': 'downhill_simplex', 'n_elements': 16, 'n_terms': 3}])

@@ -26,7 +26,7 @@ def error(shape, true, gripper=HERE):
     return np.linalg.norm(shape.positions_at(samples) - exact, axis=1).max()
 
 
-@pytest.mark.every(5)
+@pytest.mark.every(11)
 @pytest.mark.parametrize('options', [{}, {'accuracy': 1e-5}, {'n_elements': 64},
                                      {'basis': 'local', 'n_elements': 40}])
 @pytest.mark.parametrize('seed', range(4))
@@ -41,7 +41,7 @@ def test_random_steps(seed, options):
     assert off < (simulator.accuracy or np.inf)
 
 
-@pytest.mark.every(3)
+@pytest.mark.sweep
 @pytest.mark.parametrize('width', [0.1, 0.004, 1e-3])
 def test_a_narrow_bend_is_not_overlooked(width):
     # a patch that half of all meshes do not see at the middles of their elements
@@ -135,7 +135,7 @@ def test_a_tip_moment_rolls_a_rod_up_to_a_circle(moment):
     np.testing.assert_allclose(shape.gripper_wrench, (0, 0, 0, 0, 0, -moment), atol=1e-9)
 
 
-@pytest.mark.every(2)
+@pytest.mark.every(3)
 @pytest.mark.parametrize('seed', range(3))
 def test_dead_moments_and_forces_in_space(seed):
     rng = np.random.default_rng(seed)

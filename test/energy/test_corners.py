@@ -19,6 +19,7 @@ def around(place, thickness, turned=0.0):
                         thickness)
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize('turned', [0.0, 0.4])
 @pytest.mark.parametrize('signs', [(1, 1), (-1, 1)])
 @pytest.mark.parametrize('thickness', [0.0, 0.002, 0.01])

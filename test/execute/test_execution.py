@@ -156,7 +156,7 @@ def test_cancel_decelerates_within_the_limits(index):
     assert np.linalg.norm(speeds[-1]) < 1e-3  # at rest
     assert sent[-1] - sent[index - 1] < 1.5  # and soon
     # on its way: the gripper is nowhere where it was not planned to be
-    way = np.array([pose.position for pose in WAY.at(np.linspace(0, WAY.duration, 20_001))[0]])
+    way = WAY.frames(np.linspace(0, WAY.duration, 20_001))[0]
     assert max(np.linalg.norm(way - place, axis=1).min() for place in places[index:]) < 5e-5
 
 

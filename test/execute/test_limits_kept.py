@@ -205,7 +205,7 @@ def test_a_pause_while_it_stops_is_the_end():
     assert robot.execution.phase == 'stopped' and len(robot.commands) == 155
 
 
-@pytest.mark.every(2)
+@pytest.mark.every(3)
 @pytest.mark.parametrize('late', [0.3, 0.5, 0.7])
 def test_with_a_horizon_single_commands_do_not_leap_after_a_pause(late):
     times = regular(14)

@@ -399,6 +399,7 @@ def test_where_the_robot_errs_much_it_goes_in_so_slowly_that_it_can_be_corrected
     assert corrected.bound < 0.9 * blind.bound
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('left', [0.0, 3e-4, 1e-3, 0.1])
 def test_motion_uses_what_the_swing_at_the_standoff_leaves(ways, rng, monkeypatch, left):
     used_up = []

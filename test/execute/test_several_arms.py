@@ -3,6 +3,7 @@
 """A motion of several arms, as a machine: one time for all, limits and guards of each; no node."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -89,13 +90,18 @@ def parts(robots):
             for name, poses in robots.streams().items() if poses}
 
 
+@cache
+def sampled():
+    """Return where the gripper and the second arm are at 20000 times of their ways, m."""
+    times = np.linspace(0, WAY.duration, 20000)
+    return [way.frames(times)[0] for way in (WAY, WAY.arm('second'))]
+
+
 def in_step(robots):
     """Assert that at each moment all arms were sent to one time of their ways."""
     streams = robots.streams()
     assert len({len(poses) for poses in streams.values()}) == 1
-    times = np.linspace(0, WAY.duration, 20000)
-    known = np.array([pose.position for pose in WAY.poses(times)])
-    other = np.array([pose.position for pose in WAY.arm('second').poses(times)])
+    known, other = sampled()
     for first, second, third in zip(*streams.values(), strict=True):
         at = np.linalg.norm(known - first.position, axis=1).argmin()
         # 0.1 mm of the gripper are 0.3 mm of the other arm
@@ -114,6 +120,7 @@ def test_all_arms_go_by_one_time_to_their_ends(horizon):
     assert parts(robots)['second'] > 2 * parts(robots)['gripper']
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('horizon', [0.0, 1.0])
 @pytest.mark.parametrize('share', [0.1, 0.4, 0.8])
 def test_a_stop_keeps_the_limits_of_the_quickest_arm(horizon, share):
@@ -127,6 +134,7 @@ def test_a_stop_keeps_the_limits_of_the_quickest_arm(horizon, share):
         assert one.phase == 'stopped' and one.done == robots.execution.done
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('late', [1, 6, 15, 40])
 @pytest.mark.parametrize('share', [0.2, 0.4, 0.95])
 def test_a_stop_that_goes_out_late_begins_where_the_robots_are(late, share):

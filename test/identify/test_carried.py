@@ -109,6 +109,7 @@ def test_a_carried_end_does_not_tell_that_the_dlo_is_at_rest(rng):
     assert told[1] is None
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('amplitude', [1.5e-3, 4e-3])
 def test_a_swing_is_what_points_scatter_across_the_dlo_less_their_noise(amplitude):
     """Along the DLO a point tells nothing: two axes have noise, not three."""

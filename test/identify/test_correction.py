@@ -244,6 +244,7 @@ def test_a_load_at_the_end_in_contact_is_at_the_end_of_a_shorter_dlo():
     np.testing.assert_allclose(found[1].offsets, found[0].offsets, atol=1e-9)
 
 
+@pytest.mark.sweep
 def test_three_places_are_missed_as_little_as_can_be(rng):
     plan, estimate = TASKS['three'](), estimated(rng)
     found, k = correct(estimate, plan), len(plan) - 1

@@ -45,6 +45,7 @@ def test_what_noise_explains_is_converged(rng, stated):
     assert fit.birge_ratio == 1 if stated is None else 0.6 < fit.birge_ratio < 1.4
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('stated', [None, NOISE])
 @pytest.mark.parametrize('wrong', WRONG)
 def test_what_no_noise_explains_is_not_converged_and_says_what_to_check(rng, wrong, stated):
@@ -212,6 +213,7 @@ def led(rod, axis, place):
     return way, shape
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('known', [True, False])
 @pytest.mark.parametrize('axis', [(1.0, 0, 0), (0, -1.0, 0)])
 def test_a_held_dlo_is_found_on_the_branch_that_was_seen(rng, axis, known):

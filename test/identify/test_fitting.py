@@ -142,6 +142,7 @@ def test_a_prior_alone_is_the_answer_where_nothing_is_seen():
     assert unknown.deviations['bending_stiffness'] == (np.inf, np.inf)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('loss', ['soft_l1', 'huber', 'cauchy', 'arctan'])
 def test_outliers_do_not_spoil_a_robust_fit(rng, loss):
     seen = [Observation(one.gripper, one.points + (np.arange(10) == 4)[:, None] * [0.1, 0, 0.1],

@@ -156,6 +156,7 @@ def test_torsion_is_not_told_by_a_dlo_that_stays_in_a_plane(rng):
     assert fit.deviations['torsional_stiffness'] > 10 * fit.values['torsional_stiffness']
 
 
+@pytest.mark.sweep
 def test_what_varies_is_scaled_as_a_whole(rng):
     rows = ((0.0, 0.03), (1.0, 0.015))
     rod = Rod(1.0, 0.07, rows, 0.015)
@@ -250,6 +251,7 @@ def test_a_coarse_dt_is_cut():
     assert np.abs(here.at(np.zeros(2)).away).max() < 2.5e-4 < 0.5 * off
 
 
+@pytest.mark.sweep
 def test_a_motion_tells_ratios_only(rng):
     rod = Rod(1.0, 0.07, 0.05, 0.04, damping=(0.5, 0.004))
     names = ('bending_stiffness', 'mass_per_length')

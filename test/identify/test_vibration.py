@@ -78,6 +78,7 @@ def test_frequency_and_amplitude_are_those_of_the_engine():
         ahead - seen.end(seen.after(cell.plant.time - half - seen.stamp))[0], abs=1.5e-3)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('amplitude', [0.0, 5e-4, 3e-3])
 def test_an_amplitude_is_told_without_its_noise_and_bounded(amplitude):
     shape, rng = DirectSimulator(TASK.rod).solve(TASK.start), np.random.default_rng(5)

@@ -36,7 +36,7 @@ def planner(basis='local'):
     return InverseSimulator(DirectSimulator(WIRE, basis=basis, n_elements=64, obstacles=[BAR]))
 
 
-@pytest.mark.every(2)
+@pytest.mark.sweep
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 def test_the_family_keeps_contact_and_direction(basis):
     inverse = planner(basis)

@@ -305,6 +305,7 @@ def test_the_estimate_travels_with_plan_and_report(tmp_path):
                                   plan.insertion_force)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('friction', [0.2, 0.3])
 def test_a_push_that_presses_the_dlo_against_the_mouth_jams(friction, tmp_path):
     rod = Rod(1.0, 0.05, 0.2, 0.15, radius=0.002, natural_curvature=(1.0, 0.0))

@@ -412,6 +412,7 @@ def roll(before, after):
         after.rotation @ (turn @ before.rotation).T).as_rotvec())
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('before', [True, None])
 def test_what_is_not_known_of_a_dlo_that_was_looked_at_is_not_turned(before):
     rod = replace(WIRE, natural_curvature=(0.1, -0.15))  # as a loop estimates it

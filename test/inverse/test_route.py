@@ -203,6 +203,7 @@ def test_the_dlo_stays_out_of_the_fittings_ahead():
     assert max(pushes) >= 0.06
 
 
+@pytest.mark.sweep
 def test_a_little_bow_leads_over_what_stands_ahead():
     direct, task, start = random_board('clips', 16)
     plan = InverseSimulator(direct).plan(replace(task, fittings=task.fittings[:2]), start=start)
@@ -300,8 +301,14 @@ def test_what_is_seen_above_a_mouth_is_taken_away_as_deep_as_the_seat():
                                          draws, np.zeros((1, 2, looks, 2))))
         worst[looks] = misses[inside].max()
     assert worst[2] < 0.3 * worst[0]
-    found = robustness(direct, made, Uncertainty(bending_stiffness=0.1), fittings=IN_LINE,
-                       samples=2, seen=0.01)
+
+
+@pytest.mark.sweep
+def test_a_bad_camera_above_a_mouth_harms():
+    made = in_line()
+    inside = [k for k, one in enumerate(entries_of(made, IN_LINE)) if one.inside is not None]
+    found = robustness(simulator().without_obstacles(), made, Uncertainty(bending_stiffness=0.1),
+                       fittings=IN_LINE, samples=2, seen=0.01)
     assert found.success == 0.0 and found.sampled[:, inside].max() > 1e-3  # a bad camera harms
 
 

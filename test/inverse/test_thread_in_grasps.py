@@ -365,6 +365,7 @@ def test_what_nothing_feeds_hangs_from_the_hands_alone(loose, plan):
     assert set(loose.arms) == {'first', 'second'}
 
 
+@pytest.mark.sweep
 def test_its_shapes_are_those_of_kirchhoffs_equations_to_both_ends(loose):
     for k in (4, 14, 23, 30, len(loose) - 1):
         back, on = loose.shapes[k].parts

@@ -86,6 +86,7 @@ def test_a_replay_is_on_the_meshes_of_the_plan_and_does_not_fall(seed, index, ba
     assert threaded_two(*pair, basis, depths).what == 'replayed'
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('elements', [64, 256])
 def test_a_roll_that_has_to_go_around_a_fold_is_found_on_any_mesh(elements):
     # smoothed, the rolls of all eight routes come too late at a depth of 0.25 m

@@ -274,6 +274,14 @@ def test_both_kinds_of_files_say_the_same(tmp_path):
         assert (tmp_path / 'again.JSON').read_bytes() == (tmp_path / 'plan.json').read_bytes()
 
 
+@pytest.fixture(scope='module')
+def saved(tmp_path_factory):
+    """Return what the file of a plan says."""
+    path = tmp_path_factory.mktemp('plan') / 'plan.json'
+    planner(np.inf).thread(POINT_HOLE, depths=POINT_DEPTHS).save(path)
+    return path.read_text()
+
+
 @pytest.mark.parametrize(('name', 'odd'), [
     ('format', {'type': 'int', 'shape': [], 'data': [99]}),
     ('format', {'type': 'int', 'shape': [], 'data': [True]}), ('depths', None), ('depths', [0.0]),
@@ -284,10 +292,8 @@ def test_both_kinds_of_files_say_the_same(tmp_path):
     ('status', {'type': 'str', 'shape': [], 'data': ['done']}),
     ('sheets', {'type': 'str', 'shape': [], 'data': ['[3]']}),
     ('passes', {'type': 'float', 'shape': [1, 8], 'data': [99.0] * 8})])
-def test_odd_files_are_refused_by_their_name(tmp_path, name, odd):
-    plan = planner(np.inf).thread(POINT_HOLE, depths=POINT_DEPTHS)
-    plan.save(tmp_path / 'plan.json')
-    known = json.loads((tmp_path / 'plan.json').read_text())
+def test_odd_files_are_refused_by_their_name(saved, tmp_path, name, odd):
+    known = json.loads(saved)
     known[name] = odd
     (tmp_path / 'plan.json').write_text(json.dumps(known))
     with pytest.raises(InvalidTask, match=r'path = .*plan\.json'):

@@ -32,7 +32,7 @@ def closely(plug, way, sphere):
 @pytest.mark.parametrize('turned', [False, True])
 def test_a_touch_is_found_exactly_where_there_is_one(turned):
     rng, found = np.random.default_rng(4), []
-    for _ in range(40):
+    for _ in range(20):
         begin = Pose(rng.uniform(-0.1, 0.1, 3), (0, 0, 0, 1))
         angle = rng.uniform(-2.0, 2.0) if turned else 0.0
         end = Pose(begin.position + (0 if turned else 1) * rng.uniform(-0.3, 0.3, 3),
@@ -47,7 +47,7 @@ def test_a_touch_is_found_exactly_where_there_is_one(turned):
         if abs(room) > 2e-4:
             assert (touched is not None) == (room < 0), (room, touched)
         found.append(touched is not None)
-    assert 3 < sum(found) < 37
+    assert 3 < sum(found) < 17
 
 
 def test_a_thin_body_beside_the_middle_of_the_plug_is_seen():

@@ -8,7 +8,15 @@ import os
 import pytest
 from node_inside import HERE, OVERRIDES, Alive, begin_anew, clear, served_node, state
 from planner_here import context_of_its_own
-from planner_process import ROOM, ROOT, connected_client, drain, options, running_planner
+from planner_process import (
+    DEEPEST,
+    ROOM,
+    ROOT,
+    connected_client,
+    drain,
+    options,
+    running_planner,
+)
 
 from dlo_planner.settings.parameters import PARAMETERS
 
@@ -62,7 +70,8 @@ def _running(coordinator, domain, tmp_path_factory):
             made = stack.enter_context(running_planner(
                 tmp_path_factory.mktemp('planner'), '--params-file',
                 str(ROOT / 'config' / 'copper_wire.yaml'), '-p', 'diagnostics_period:=0.1',
-                '-p', 'rod.diameter:=0.0015', '-p', 'threading.waypoints:=25', *options(ROOM)))
+                '-p', 'rod.diameter:=0.0015', '-p', 'threading.waypoints:=25',
+                '-p', f'threading.deepest:={DEEPEST}', *options(ROOM)))
         yield made, number
 
 

@@ -5,6 +5,7 @@
 The arm is the stand-in of its controller, 250 times a second, and follows that exactly.
 """
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -104,7 +105,7 @@ class Cell:
                                 points + 3e-4 * self.rng.standard_normal((20, 3)))
         execution = self.drive.tick(self.store, self.health, self.time, CLOCK + self.time)
         while self.drive._loop.work is not None:  # in another process
-            pass
+            time.sleep(2e-3)
         if execution.active and execution.ahead is not None and execution.ahead is not self.told:
             self.told = execution.ahead
             self.hear(self.leads.told(execution))

@@ -136,6 +136,7 @@ def test_a_servo_follows_poses(own_domain, monkeypatch):
         assert np.linalg.norm(state(node).gripper.position - end.position) < 0.01
 
 
+@pytest.mark.sweep
 def test_two_servos_carry_both_ends(own_domain, monkeypatch):
     with beside('two_arms'), launched('two_arms', monkeypatch) as (node, client):
         assert until(lambda: state(node).feedback is not None
@@ -224,6 +225,7 @@ def test_an_arm_that_is_not_heard_any_more_is_led_to_rest(own_domain, monkeypatc
         assert client.commands.empty()  # gripper_command is not for this robot
 
 
+@pytest.mark.sweep
 def test_an_arm_that_cannot_go_on_comes_to_rest_by_what_it_was_told(own_domain, monkeypatch):
     with proved_arm(monkeypatch) as (arm, node, client, execute):
         assert not run_inside(client, node, *execute)
@@ -242,6 +244,7 @@ def test_an_arm_that_cannot_go_on_comes_to_rest_by_what_it_was_told(own_domain, 
         assert off.min() < 1e-4 and 1.0 < times[np.argmin(off)] < execution.way.duration - 0.5
 
 
+@pytest.mark.sweep
 def test_a_closed_loop_lets_the_arm_rest_before_it_looks(own_domain, monkeypatch):
     with proved_arm(monkeypatch) as (arm, node, client, execute):
         clouds = client.node.create_publisher(PointCloud2, '/dlo_planner/observed_points', 10)

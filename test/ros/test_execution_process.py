@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from follower import Follower
 from planner_process import (
+    DEEPEST,
     PATIENCE,
     ROOM,
     connected_client,
@@ -23,6 +24,7 @@ from dlo_planner import Limits, Pose
 AWAY = Pose.looking_along((-1.3, 0.2, 1.1), (1.0, 0.2, 0.1))
 GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 OPTIONS = options({'rod.diameter': 0.0015, 'threading.waypoints': 25, 'threading.standoff': 0.05,
+                   'threading.deepest': DEEPEST,
                    'cutouts.radius': 0.01, 'rod.damping': [0.5, 0.01], 'diagnostics_period': 0.1,
                    **ROOM})
 

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from contextlib import ExitStack
 
+import pytest
 from launching import command_line, started
 from node_inside import Alive, state
 from planner_here import context_of_its_own, planner_here
@@ -36,6 +37,7 @@ def ready(node, line):
         assert until(lambda: state(node).execution.done > 0.5)
 
 
+@pytest.mark.sweep
 def test_every_line_does_what_the_page_says(own_domain, monkeypatch):
     monkeypatch.setattr('planner_here.WIRE', ())
     with ExitStack() as stack:

@@ -190,6 +190,7 @@ def arrow(holds):
             if one.action == Marker.ADD}
 
 
+@pytest.mark.sweep
 def test_hands_take_turns_when_they_are_told_to(inside, node):
     inside.trigger('reset')
     assert inside.set_parameters(far_end__hold='free')[0].successful

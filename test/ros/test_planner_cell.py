@@ -113,7 +113,7 @@ def test_a_plan_begins_where_the_gripper_is_is_proved_and_goes_from_there_alone(
     for figure in ('largest miss in motion [m]', 'swing at departure [m]'):
         assert 1e-6 < float(values[f'report {figure}']) <= tolerance
     assert 0.005 < float(values['report smallest clearance in motion [m]']) < 0.01
-    assert 10 < float(values['report duration [s]']) < 25
+    assert 5 < float(values['report duration [s]']) < 15
     assert float(values['report frequency margin']) > 0.02
     timed = client.timed_for(begun)
     times, transforms = times_and_transforms(timed)
@@ -135,7 +135,8 @@ def test_who_asks_gets_the_own_plan_executed_once_it_is_proved_or_none(client, b
     assert 'ask again' in client.trigger('execute').message  # its own last one, not yet proved
     stranger = Node('stranger', context=client.context)
     stranger.create_client(GetPlan, f'{client.planner}/plan')
-    assert until(lambda: '2 different plans were made' in client.trigger('execute').message)
+    # others may have planned before, in other files
+    assert until(lambda: ' different plans were made' in client.trigger('execute').message)
     answer = client.trigger('execute')  # it may be meant for either
     assert not answer.success and '/dlo_planner_client, /stranger' in answer.message
     stranger.destroy_node()

@@ -7,7 +7,7 @@ import queue
 import numpy as np
 import pytest
 from nav_msgs.msg import Path
-from planner_process import PATIENCE, drain, first, newest
+from planner_process import DEEPEST, PATIENCE, drain, first, newest
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
@@ -34,7 +34,7 @@ def test_plan_by_service_is_published_and_stamped(client):
     path, _ = client.plan_threading(GRIPPER, GOAL)
     grippers = poses_from_path(path)
     expected = InverseSimulator(DirectSimulator(WIRE)).thread(
-        CutOut(GOAL), start=GRIPPER, depths=np.linspace(0, 0.95, 25))
+        CutOut(GOAL), start=GRIPPER, depths=np.linspace(0, DEEPEST, 25))
     np.testing.assert_allclose([pose.matrix for pose in grippers],
                                [pose.matrix for pose in expected.grippers], atol=1e-8)
     np.testing.assert_allclose(times_from_path(path), expected.times, atol=1e-6)

@@ -124,7 +124,7 @@ def test_guesses_are_used_where_they_are_better(monkeypatch, rounds):
     assert sum(one.work for one in made) < 0.8 * sum(one.work for one in alone.made)
 
 
-@pytest.mark.every(4)
+@pytest.mark.sweep
 @pytest.mark.parametrize(('method', 'step', 'tasks'), [
     ('newton', 10, 4), ('newton', 3, 3), ('dfp', 3, 4), ('dfp', 10, 8)])
 def test_a_dlo_that_yields_is_that_of_track(method, step, tasks, rounds):

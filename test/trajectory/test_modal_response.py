@@ -69,6 +69,7 @@ def test_what_vibrates_at_first_swings_on():
     assert found[1, 0] == -0.5
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('name', ['wire', 'hose', 'leaf spring'])
 def test_a_leg_takes_over_how_the_dlo_moves_at_the_end_of_the_one_before(name):
     one, other = (task.response for task in tasks(name)[-2:])

@@ -369,6 +369,7 @@ def test_what_hangs_straight_down_and_goes_down_does_not_vibrate():
     assert way.motion.departure < 1e-12 and way.mode_margin == pytest.approx(0.3)
 
 
+@pytest.mark.sweep
 def test_the_least_duration_is_none_that_a_calm_motion_beats():
     inverse = InverseSimulator(DirectSimulator(replace(damped_wire(), length=0.5)))
     through = inverse.thread(HOLE, depths=[0.0, 0.1])
@@ -580,6 +581,7 @@ def test_a_calm_motion_is_returned_though_not_all_is_known_of_it(plan, tmp_path,
     assert ValidationReport.load(tmp_path / 'report.npz').trajectory.status == neither.status
 
 
+@pytest.mark.sweep
 def test_a_deadline_before_a_calm_motion_says_what_was_reached(fine, monkeypatch):
     timed, rounds = CalmSearch._timed, []
 

@@ -128,6 +128,7 @@ def test_what_is_outside_keeps_away_from_obstacles():
         assert (report.dynamic_clearance > 0) == safe
 
 
+@pytest.mark.sweep
 def test_what_cannot_be_calm_or_is_not_known_is_refused(monkeypatch):
     direct, plan = planned(WIRE)
     monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)

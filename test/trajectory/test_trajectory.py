@@ -108,6 +108,7 @@ def used_parts(way):
     return np.array(sizes) / way.limits.sizes
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('jerks', [(5.0, 20.0), (0.2, 1.0), (np.inf, np.inf)])
 def test_limits_are_never_exceeded(rng, jerks):
     limits = Limits(0.2, 0.3, 0.1, 1.0, *jerks)
