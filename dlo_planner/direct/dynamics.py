@@ -328,7 +328,9 @@ _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
 _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
 _CALM = 16           # steps that all were well within, before it is
-_OF_CONTACT = 3      # halvings for its error of a step since the DLO touched an obstacle
+_ROUNDED = 1e-8      # of a residual: where rounding errors leave more of it, a step is short
+_DAMPING = 3         # halvings of a step that may damp all vibrations, where contacts stir them up
+_BEARING = 10.0      # times that, where the DLO bears on an obstacle
 _GAIN = 1e-3         # of the energy that has moved: what a motion may gain by rounding and errors
 
 
@@ -400,6 +402,8 @@ class _StepControl:
         self.now, self.stuck = first, False
         self._stepper, self._plan = stepper, plan
         self._fixed = plan.integrator == 'paper'
+        self._obstructed = not self._fixed and bool(
+            stepper.discretization.surroundings.obstacles)
         place, speed, acceleration = first.row.nodes[:3]  # as if it had moved evenly till now
         self._past = [(-dt, place - dt * speed + 0.5 * dt**2 * acceleration)
                       for dt in (2 * stepper.dt, stepper.dt)]
@@ -430,10 +434,10 @@ class _StepControl:
         level = self._level
         last_try = level == HALVINGS or self._fixed
         batch = self._steps_of(level, last_try)
-        if (batch.refused is not None and last_try and not self._fixed
-                and self._stepper.discretization.surroundings.obstacles):
+        if batch.refused is not None and self._obstructed and (last_try or self._is_short(
+                level) and (batch.last.row.after_impact or len(batch.refused.row.contacts))):
             batch = (batch._replace(refused=None) if len(batch.errors)
-                     else self._try_longer_steps(batch, progress))
+                     else self._try_other_steps(batch, progress))
         if batch.refused is not None:
             self.stuck = last_try
             self._level, self._calm = min(level + 1, HALVINGS), 0
@@ -441,15 +445,22 @@ class _StepControl:
             self._level, self._calm = level - 1, 0
         return batch
 
-    def _try_longer_steps(self, batch: StepBatch, progress: Progress) -> StepBatch:
-        """Return a StepBatch of a step that is good though the shortest is not, or `batch` of that.
+    def _is_short(self, level: int) -> bool:
+        """Return whether a step halved so often is so short that rounding errors count.
+
+        Among obstacles a shorter one is not solved more easily, and tells no more.
+        """
+        return self._stepper.rounding(self._plan.scheme(self._stepper.dt, level)) > _ROUNDED
+
+    def _try_other_steps(self, batch: StepBatch, progress: Progress) -> StepBatch:
+        """Return a StepBatch of a step that is good though a short one is not, or `batch` of that.
 
         The shorter a step over obstacles is, the larger are the forces of what is pressed in, and
         the more sets of contacts are tried: a step that was too long for a few Newton steps, and
         ends elsewhere, may be found by many.
         """
         left = (1 << HALVINGS) - self._at % (1 << HALVINGS)  # until the next instant
-        for level in range(HALVINGS - 1, _OF_CONTACT - 1, -1):
+        for level in range(min(self._level, HALVINGS - 1), -1, -1):
             if 1 << (HALVINGS - level) > left:
                 break
             progress.check()
@@ -467,10 +478,13 @@ class _StepControl:
             fresh = stepper.resized(now, scheme.dt)
             if credit_renewal(budget, fresh.balance, self._began, self._noise):
                 now = fresh
+        error = np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance
+        damps, reach = level >= _DAMPING, 0.0
+        if damps:
+            reach = np.inf if most == 1 or self._is_short(level) else plan.tolerance
         limits = Acceptance(
-            MAX_ITERATIONS if patient else _PATIENCE,
-            np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance, _GAIN,
-            np.inf if self._fixed else self._noise, budget, level >= _OF_CONTACT, self._began)
+            MAX_ITERATIONS if patient else _PATIENCE, error, _BEARING * error, reach, _GAIN,
+            np.inf if self._fixed else self._noise, budget, self._began, damps)
         size = 1 << (HALVINGS - level)
         count = min(most, self._length(size))
         places = (self._at + size * np.arange(1, count + 1)) / (1 << HALVINGS)
@@ -482,7 +496,8 @@ class _StepControl:
             self._steps += [level] * made
             self._errors += batch.errors.tolist()
             self._samples.append(batch.samples)
-        rough = np.flatnonzero(8 * batch.errors >= _WELL_WITHIN * _PART * plan.tolerance)
+        rough = np.flatnonzero(8 * batch.errors >= _WELL_WITHIN * _PART * plan.tolerance * (
+            _BEARING if batch.last.row.after_impact else 1.0))
         self._calm = made - 1 - int(rough[-1]) if rough.size else self._calm + made
         return batch
 

@@ -470,7 +470,33 @@ def test_steps_are_exact_while_the_dlo_goes_on_bearing(friction):
 
     # with implicit Euler's steps alone they are 6e-3 and 8e-4
     assert error(1e-2) < 8e-4 and error(1.25e-3) < 3e-5
-    assert error(1e-2, None) < 5e-5  # with steps as long as the tolerance allows
+    assert error(1e-2, None) < 2e-4  # with steps as long as the tolerance, 1e-3, allows
+    assert error(1e-2, 2e-4) < 5e-5
+
+
+def fallen(thing, height, tolerance, instants, dt):
+    """Return the Motion of a DLO of 24 elements that falls on a floor, straight at first."""
+    mesh = {'n_elements': 24, 'basis': 'local'}
+    straight = DirectSimulator(thing, gravity=(0, 0, 0), **mesh).solve(LEVEL)
+    floor = Plane((0, 0, -height), (0, 0, 1), 0.4)
+    motion = DirectSimulator(thing, obstacles=[floor], **mesh).simulate(
+        [LEVEL] * instants, dt, straight, tolerance=tolerance)
+    assert motion.converged, motion.message
+    return motion
+
+
+def test_a_landing_is_as_exact_as_the_tolerance_asks():
+    usual, fine, true = (np.array([shape.positions for shape in fallen(
+        CABLE, 0.2, tolerance, 31, 0.01).shapes]) for tolerance in (1e-3, 2e-4, 5e-5))
+    errors = [np.linalg.norm(one - true, axis=2).max() for one in (usual, fine)]
+    assert errors[1] < 3e-3 and errors[1] < 0.3 * errors[0]
+
+
+def test_instants_that_are_near_to_each_other_need_no_shorter_steps_in_contact():
+    soft = Rod(1.0, 0.035, 1.2e-3, 9e-4, radius=0.0025)
+    few, many = (len(fallen(soft, 0.15, 1e-3, round(0.4 / dt) + 1, dt)._estimate.args[2].steps)
+                 for dt in (1e-2, 2e-3))
+    assert many < 2 * few
 
 
 def test_a_dlo_that_has_bounced_moves_freely_again():
@@ -515,7 +541,7 @@ def test_a_slow_motion_along_obstacles_ends_at_rest(seed):
     assert any(shape.contacts for shape in motion.shapes)
     rest = simulator.solve(way[-1], motion.shapes[-1])
     assert rest.converged
-    np.testing.assert_allclose(motion.shapes[-1].positions, rest.positions, atol=1e-4)
+    np.testing.assert_allclose(motion.shapes[-1].positions, rest.positions, atol=2e-4)
     deepest = max(contact.penetration for shape in motion.shapes for contact in shape.contacts)
     assert deepest < 1e-7
     assert_no_gain(motion)
