@@ -306,13 +306,12 @@ def dropped(instants, dt, friction=0.0, **options):
 def test_the_error_of_a_drop_is_known():
     motion = dropped(25, 0.01)
     assert motion.status == 'complete' and motion.shapes[-1].contacts
-    soon = motion.error_estimate  # what a second of work tells
+    soon = motion.error_estimate  # what half a second of work tells, and half the elements and steps
     with pytest.raises(DeadlineExceeded):
         motion.estimate_error(deadline=1e-3)
     estimate = motion.estimate_error()
-    known = np.isfinite(soon)
-    assert known[0] and (np.isfinite(estimate)).all()
-    np.testing.assert_array_equal(soon[known], estimate[known])
+    assert np.isfinite(soon).all() and np.isfinite(estimate).all()
+    assert soon[0] == estimate[0] and (soon != estimate).any()
     assert motion.error_estimate is estimate
     # four times the steps, twice the elements
     finer = dropped(97, 0.0025, n_elements=128, basis='local')
@@ -321,7 +320,8 @@ def test_the_error_of_a_drop_is_known():
     true = np.maximum.accumulate([np.linalg.norm(one.positions[::2] - other.positions, axis=1).max()
                                   for one, other in shapes])
     assert true[-1] > 1e-3  # the impact counts
-    assert (true <= estimate).all() and estimate[-1] < 5 * true[-1]
+    for one in (soon, estimate):
+        assert (true <= one).all() and one[-1] < 5 * true[-1]
     # an impact takes energy, and gives none
     assert motion.numerical_loss.min() > -1e-3 * np.ptp(motion.potential_energy)
 
