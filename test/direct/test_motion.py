@@ -306,7 +306,7 @@ def dropped(instants, dt, friction=0.0, **options):
 def test_the_error_of_a_drop_is_known():
     motion = dropped(25, 0.01)
     assert motion.status == 'complete' and motion.shapes[-1].contacts
-    soon = motion.error_estimate  # what half a second of work tells, and half the elements and steps
+    soon = motion.error_estimate  # half a second of halved steps, then doubled ones
     with pytest.raises(DeadlineExceeded):
         motion.estimate_error(deadline=1e-3)
     estimate = motion.estimate_error()
