@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import groupby
 from typing import Any, NamedTuple, TypeAlias
 
@@ -510,8 +510,8 @@ class _StepControl:
         level = self._level
         last_try = level == HALVINGS or self._fixed
         batch = self._steps_of(level, last_try)
-        if batch.refused is not None and self._obstructed and (last_try or self._is_short(
-                level) and (batch.last.row.after_impact or len(batch.refused.row.contacts))):
+        if batch.refused is not None and self._obstructed and (last_try or level >= self._short
+                and (batch.last.row.after_impact or len(batch.refused.row.contacts))):
             batch = (batch._replace(refused=None) if len(batch.errors)
                      else self._try_other_steps(batch, progress))
         if batch.refused is not None:
@@ -521,12 +521,14 @@ class _StepControl:
             self._level, self._calm = level - 1, 0
         return batch
 
-    def _is_short(self, level: int) -> bool:
-        """Return whether a step halved so often is so short that rounding errors count.
+    @cached_property
+    def _short(self) -> int:
+        """How often a step is halved until it is so short that rounding errors count.
 
         Among obstacles a shorter one is not solved more easily, and tells no more.
         """
-        return self._stepper.rounding(self._plan.scheme(self._stepper.dt, level)) > _ROUNDED
+        return next((level for level in range(HALVINGS) if self._stepper.rounding(
+            self._plan.scheme(self._stepper.dt, level)) > _ROUNDED), HALVINGS)
 
     def _try_other_steps(self, batch: StepBatch, progress: Progress) -> StepBatch:
         """Return a StepBatch of a step that is good though a short one is not, or `batch` of that.
@@ -557,7 +559,7 @@ class _StepControl:
         error = np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance
         damps, reach = level >= _DAMPING, 0.0
         if damps:
-            reach = np.inf if most == 1 or self._is_short(level) else plan.tolerance
+            reach = np.inf if most == 1 or level >= self._short else plan.tolerance
         limits = Acceptance(
             MAX_ITERATIONS if patient else _PATIENCE, error, _BEARING * error, reach, _GAIN,
             np.inf if self._fixed else self._noise, budget, self._began, damps)
