@@ -8,9 +8,10 @@ element and every step halved.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import groupby
 from typing import Any, NamedTuple, TypeAlias
 
@@ -36,7 +37,7 @@ from dlo_planner.energy.gap import penetration_of_point, penetrations_of_points
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.so3 import turn_between
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import array, number, returned, vector
 from dlo_planner.model.holds import FarEnd, Hold, Holds, named, place_of
 from dlo_planner.model.pose import Pose
@@ -190,21 +191,87 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
 
     Looked at are all nodes at the instants (their places, and `positions` there) and some of them
     after each step (`samples`, see `StepBatch`). What halving everything changes is three quarters
-    of a second-order error, half of a first-order one (Richardson's extrapolation). The rest is nan
-    after `most` times that kernels have asked whether they are to end, which is work, not time.
+    of a second-order error, half of a first-order one (Richardson's extrapolation). Where that is
+    not known, after `most` times that kernels have asked whether they are to end (which is work,
+    not time), it is what doubling everything changes: for a quarter of the work of the motion, all
+    of a first-order error, thrice one of second order. Among obstacles, where it depends on when
+    something lands and slips, and is of no order, it is taken twice.
     """
-    found = np.full(len(ends), np.inf)
-    try:
-        obstructed = bool(stepper.discretization.surroundings.obstacles)
-        with interrupted_by(_Allowance(most / (_DEAR if obstructed else 1.0))):
-            _compare(stepper, begun, plan, ends, positions, samples, found)
-    except _UsedUp:
-        found[np.isinf(found)] = np.nan
+    made = _Made(ends, positions, samples, _sizes(plan.steps))
     coarse = stepper.discretization
-    rounding = 1e-15 * coarse.s.size * coarse.s[-1]
-    second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
-    errors: Floats = (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding
+    obstructed = bool(coarse.surroundings.obstacles)
+    found = np.full(len(ends), np.inf)
+    with suppress(_UsedUp), interrupted_by(_Allowance(most / (_DEAR if obstructed else 1.0))):
+        _compare(_finer(stepper, made.sizes), begun, plan, made, found)
+    found *= 4 / 3 if plan.integrator != 'paper' and not obstructed else 2.0
+    if np.isinf(found).any():
+        rough = np.full(len(ends), np.inf)
+        _compare(_coarser(stepper, made.sizes), begun, plan, made, rough)
+        found = np.where(np.isinf(found), 2.0 * rough if obstructed else rough, found)
+    errors: Floats = np.maximum.accumulate(found) + 1e-15 * coarse.s.size * coarse.s[-1]
     return errors
+
+
+_UNITS = 2 << HALVINGS  # of time in which steps are counted, in an interval between two instants
+
+
+class _Made(NamedTuple):
+    """What is known of a motion whose error is sought."""
+
+    ends: list[float]        # places of the instants,
+    positions: list[Floats]  # (N + 1, 3) of the nodes there, m
+    samples: Floats | None   # (k, m, 3) places after each step, see `StepBatch`
+    sizes: Ints              # (k,) how long the steps are, in units
+
+
+class _Other(NamedTuple):
+    """A motion of the same DLO, on another mesh and by other steps."""
+
+    stepper: Stepper
+    changed: Callable[[Discretization, Holds], Discretization]  # a mesh as this motion's is
+    here: Ints   # nodes that both have, of the motion whose error is sought,
+    there: Ints  # and of this one
+    sizes: Ints  # (k,) how long its steps are, in units
+
+
+def _sizes(steps: Sequence[int]) -> Ints:
+    """Return (k,) how long steps are that were halved so often, in units."""
+    return np.array([2 << (HALVINGS - level) for level in steps], dtype=np.int64)
+
+
+def _finer(stepper: Stepper, sizes: Ints) -> _Other:
+    """Return the motion in which all elements and steps are halves."""
+    mesh, here = stepper.discretization.finer, np.arange(stepper.discretization.s.size)
+    return _Other(Stepper(mesh, stepper.grips, stepper.dt, watched=2 * stepper.watched),
+                  lambda known, holds: known.finer, here, 2 * here, np.repeat(sizes // 2, 2))
+
+
+def _coarser(stepper: Stepper, sizes: Ints) -> _Other:
+    """Return the motion in which elements and steps are two of those before, as far as they pair.
+
+    Nodes that are watched, held, or where the rod changes are kept.
+    """
+    known = stepper.discretization
+    kept = _every_other(known, stepper.grips.kinds, stepper.watched)
+    mesh = Discretization(known.surroundings, known.s[kept], 'local', 0)
+    pairs, at, k = [], 0, 0
+    while k < sizes.size:
+        two = k + 1 < sizes.size and sizes[k] == sizes[k + 1] and at % (2 * sizes[k]) == 0
+        pairs.append((1 + two) * sizes[k])
+        at, k = at + pairs[-1], k + 1 + two
+    return _Other(
+        Stepper(mesh, stepper.grips, stepper.dt, watched=np.searchsorted(kept, stepper.watched)),
+        lambda mesh, holds: Discretization(
+            mesh.surroundings, mesh.s[_every_other(mesh, holds)], 'local', 0),
+        kept, np.arange(kept.size), np.array(pairs, dtype=np.int64))
+
+
+def _every_other(mesh: Discretization, holds: Holds, more: ArrayLike = ()) -> Ints:
+    """Return every other node of a mesh, its ends, what cannot be left out, and `more`."""
+    last, breaks = mesh.s.size - 1, np.flatnonzero(np.isin(mesh.s, mesh.surroundings.breaks))
+    return np.unique(np.concatenate([
+        np.arange(0, last, 2), [last], breaks, mesh.held_nodes(holds)[0],
+        np.asarray(more, dtype=np.int64)]).astype(np.int64))
 
 
 # times as long it takes on average, among obstacles, until a kernel or a call of one asks
@@ -228,62 +295,69 @@ class _Allowance:
             raise _UsedUp
 
 
-def _compare(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
-             ends: list[float], positions: list[Floats], samples: Floats | None,
+def _compare(other: _Other, begun: InitialConditions, plan: IntegrationOptions, made: _Made,
              found: Floats) -> None:
-    """Fill the largest distances `found` (n,) from the finer motion, m, as far as that goes."""
-    coarse = stepper.discretization
-    mesh = coarse.finer
-    finer = Stepper(mesh, stepper.grips, stepper.dt, watched=2 * stepper.watched)
+    """Fill the largest distances `found` (n,) from another motion, m, as far as that goes."""
+    stepper, start = other.stepper, begun.start
+    mesh, ends = stepper.discretization, np.cumsum(made.sizes)
     velocity = begun.velocity
     if velocity is not None:
-        velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
-    now = finer.begin(finer_start(mesh, begun), velocity)
-    found[0] = worst = _apart(now.positions[::2], positions[0])
-    made = at = 0  # steps, and time in the shortest ones
-    for level, steps in groupby(plan.steps):
-        left, size = 2 * len(list(steps)), 1 << (HALVINGS - level)
-        scheme = plan.scheme(stepper.dt, level + 1)
-        if made:
-            now = finer.resized(now, scheme.dt)
+        velocity = np.column_stack([np.interp(mesh.s, start.s, one) for one in velocity.T])
+    now = stepper.begin(_start_on(mesh, begun, other.changed), velocity)
+    found[0] = worst = _apart(now.positions[other.there], made.positions[0][other.here])
+    at, known = 0, 1  # time in units; instants that are known
+    for size, steps in groupby(other.sizes.tolist()):
+        left, scheme = len(list(steps)), Scheme(plan.integrator, stepper.dt * size / _UNITS)
+        if at:
+            now = stepper.resized(now, scheme.dt)
         while left:
-            places = (at + size * np.arange(1, min(left, MOST) + 1)) / (2 << HALVINGS)
-            batch = finer.steps(now, (), places, scheme, Acceptance())
-            if batch.refused is not None and not batch.errors.size:
-                batch = _in_parts(finer, now, float(places[0]), scheme)
-            if not batch.errors.size:
+            reached = at + size * np.arange(1, min(left, MOST) + 1)
+            batch = stepper.steps(now, (), reached / _UNITS, scheme, Acceptance())
+            count = made_here = len(batch.errors)
+            if not made_here:
+                batch, count = _otherwise(stepper, now, size, left, scheme)
+            if not count:
                 return
-            count = len(batch.errors)
-            even = np.arange(1 - made % 2, count, 2)  # two of these are one of the others
-            if samples is not None and even.size:
-                worst = max(worst, _apart(batch.samples[even], samples[(made + even) // 2]))
+            reached = reached[:count] if made_here else reached[count - 1:count]
+            of = np.searchsorted(ends, reached)  # the steps that end there
+            both = ends[of] == reached
+            if made.samples is not None and both.any():
+                worst = max(worst, _apart(batch.samples[both], made.samples[of[both]]))
             for instant in batch.kept:
                 k = round(instant.place)
-                worst = found[k] = max(worst, _apart(instant.positions[::2], positions[k]))
-            now, made, at, left = batch.last, made + count, at + size * count, left - count
-    if now.place == ends[-1]:  # of one that ended early, between two instants
-        found[-1] = max(worst, _apart(now.positions[::2], positions[-1]))
+                worst = max(worst, _apart(instant.positions[other.there],
+                                          made.positions[k][other.here]))
+                found[known:k + 1], known = worst, k + 1
+            now, at, left = batch.last, int(reached[-1]), left - count
+    if now.place == made.ends[-1]:  # of one that ended early, between two instants
+        found[known:] = max(worst, _apart(now.positions[other.there],
+                                          made.positions[-1][other.here]))
 
 
-def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) -> StepBatch:
-    """Return the StepBatch of one step that is not solved at once, made in shorter ones.
+def _otherwise(stepper: Stepper, now: TimePoint, size: int, left: int,
+               scheme: Scheme) -> tuple[StepBatch, int]:
+    """Return the StepBatch of a step that is not solved at once, and of how many steps it is.
 
-    Its errors are empty if it is not solved so either.
+    It is made in shorter ones, or with the next of the `left` ones in one, since short steps over
+    obstacles are solved less exactly; of 0 steps if it is not solved so either.
     """
-    for halvings in range(1, _SHORTER + 1):
-        parts = 1 << halvings
-        brief = scheme._replace(dt=scheme.dt / parts)
-        begun = stepper.resized(now, brief.dt)
-        last = begun
-        for at in now.place + (place - now.place) * np.arange(1, parts + 1) / parts:
-            batch = stepper.steps(last, (), np.array([at]), brief, Acceptance())
+    at = round(now.place * _UNITS)
+    for halvings in (*range(1, _SHORTER + 1), -1):
+        count, parts = (1, 1 << halvings) if halvings > 0 else (2, 1)
+        if count > left:
+            break
+        place, brief = (at + count * size) / _UNITS, scheme.dt * count / parts
+        last = stepper.resized(now, brief)
+        for k in range(1, parts + 1):
+            batch = stepper.steps(last, (), np.array([now.place + (place - now.place) * k / parts]),
+                                  scheme._replace(dt=brief), Acceptance())
             if batch.refused is not None:
                 break
             last = batch.last
         if batch.refused is None:
             last = stepper.resized(last, scheme.dt)
-            return batch._replace(kept=[last] if place == round(place) else [], last=last)
-    return batch._replace(errors=np.zeros(0))
+            return batch._replace(kept=[last] if place == round(place) else [], last=last), count
+    return batch, 0
 
 
 def _apart(one: Floats, other: Floats) -> float:
@@ -291,35 +365,37 @@ def _apart(one: Floats, other: Floats) -> float:
     return float(np.linalg.norm(one - other, axis=-1).max())
 
 
-def finer_start(mesh: Discretization, begun: InitialConditions) -> Shape:
-    """Return the Shape at time 0 on a mesh whose elements are halves of those of the motion.
+def _start_on(mesh: Discretization, begun: InitialConditions,
+              changed: Callable[[Discretization, Holds], Discretization]) -> Shape:
+    """Return the Shape at time 0 on another mesh, `changed` as those of the motion are.
 
     A DLO at rest hangs otherwise there: this is a part of the error, and no reason to swing. So is
     one that was at rest in other surroundings, as `initial` may have been.
     """
     start = begun.start
-    strains = _at_rest_on(begun.initial or start, mesh)
+    strains = _at_rest_on(begun.initial or start, mesh, changed)
     if strains is None:
-        strains = np.repeat(start.element_strains, 2, axis=0)
+        strains = mesh.strains_from(start.s, start.element_strains)
     state = replace(start.state, mesh=mesh, history=mesh.past(start.state.history))
     there = configuration_at(mesh.system(start.gripper.rotation), strains)
     return replace(start, s=mesh.s, element_strains=strains, frames=there.rotations,
                    positions=there.positions + start.gripper.position, state=state)
 
 
-def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:
+def _at_rest_on(shape: Shape, mesh: Discretization,
+                changed: Callable[[Discretization, Holds], Discretization]) -> Floats | None:
     """Return the strains (N, 3) on a mesh with which a Shape rests; None: it does not rest."""
     own = shape.state.mesh
     if own is None:
         return None
-    coarse, fine = (
-        equilibrium(each, shape.gripper, strains, each.past(shape.state.history), shape.holds)
-        for each, strains in ((own, np.array(shape.element_strains)),
-                              (own.finer, np.repeat(shape.element_strains, 2, axis=0))))
-    moved = np.abs(coarse.positions - shape.positions).max()
-    if not (coarse.converged and fine.converged and moved <= _STILL * own.s[-1]):
+    here, there = (
+        equilibrium(each, shape.gripper, each.strains_from(shape.s, shape.element_strains),
+                    each.past(shape.state.history), shape.holds)
+        for each in (own, changed(own, shape.holds)))
+    moved = np.abs(here.positions - shape.positions).max()
+    if not (here.converged and there.converged and moved <= _STILL * own.s[-1]):
         return None
-    return mesh.strains_from(fine.s, fine.element_strains)
+    return mesh.strains_from(there.s, there.element_strains)
 
 
 _LOOKS = 4           # places between two instants where the grips are looked at
@@ -328,7 +404,9 @@ _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
 _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
 _CALM = 16           # steps that all were well within, before it is
-_OF_CONTACT = 3      # halvings for its error of a step since the DLO touched an obstacle
+_ROUNDED = 1e-8      # of a residual: where rounding errors leave more of it, a step is short
+_DAMPING = 3         # halvings of a step that may damp all vibrations, where contacts stir them up
+_BEARING = 10.0      # times that, where the DLO bears on an obstacle
 _GAIN = 1e-3         # of the energy that has moved: what a motion may gain by rounding and errors
 
 
@@ -400,6 +478,8 @@ class _StepControl:
         self.now, self.stuck = first, False
         self._stepper, self._plan = stepper, plan
         self._fixed = plan.integrator == 'paper'
+        self._obstructed = not self._fixed and bool(
+            stepper.discretization.surroundings.obstacles)
         place, speed, acceleration = first.row.nodes[:3]  # as if it had moved evenly till now
         self._past = [(-dt, place - dt * speed + 0.5 * dt**2 * acceleration)
                       for dt in (2 * stepper.dt, stepper.dt)]
@@ -430,10 +510,10 @@ class _StepControl:
         level = self._level
         last_try = level == HALVINGS or self._fixed
         batch = self._steps_of(level, last_try)
-        if (batch.refused is not None and last_try and not self._fixed
-                and self._stepper.discretization.surroundings.obstacles):
+        if batch.refused is not None and self._obstructed and (last_try or level >= self._short
+                and (batch.last.row.after_impact or len(batch.refused.row.contacts))):
             batch = (batch._replace(refused=None) if len(batch.errors)
-                     else self._try_longer_steps(batch, progress))
+                     else self._try_other_steps(batch, progress))
         if batch.refused is not None:
             self.stuck = last_try
             self._level, self._calm = min(level + 1, HALVINGS), 0
@@ -441,15 +521,24 @@ class _StepControl:
             self._level, self._calm = level - 1, 0
         return batch
 
-    def _try_longer_steps(self, batch: StepBatch, progress: Progress) -> StepBatch:
-        """Return a StepBatch of a step that is good though the shortest is not, or `batch` of that.
+    @cached_property
+    def _short(self) -> int:
+        """How often a step is halved until it is so short that rounding errors count.
+
+        Among obstacles a shorter one is not solved more easily, and tells no more.
+        """
+        return next((level for level in range(HALVINGS) if self._stepper.rounding(
+            self._plan.scheme(self._stepper.dt, level)) > _ROUNDED), HALVINGS)
+
+    def _try_other_steps(self, batch: StepBatch, progress: Progress) -> StepBatch:
+        """Return a StepBatch of a step that is good though a short one is not, or `batch` of that.
 
         The shorter a step over obstacles is, the larger are the forces of what is pressed in, and
         the more sets of contacts are tried: a step that was too long for a few Newton steps, and
         ends elsewhere, may be found by many.
         """
         left = (1 << HALVINGS) - self._at % (1 << HALVINGS)  # until the next instant
-        for level in range(HALVINGS - 1, _OF_CONTACT - 1, -1):
+        for level in range(min(self._level, HALVINGS - 1), -1, -1):
             if 1 << (HALVINGS - level) > left:
                 break
             progress.check()
@@ -467,10 +556,13 @@ class _StepControl:
             fresh = stepper.resized(now, scheme.dt)
             if credit_renewal(budget, fresh.balance, self._began, self._noise):
                 now = fresh
+        error = np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance
+        damps, reach = level >= _DAMPING, 0.0
+        if damps:
+            reach = np.inf if most == 1 or level >= self._short else plan.tolerance
         limits = Acceptance(
-            MAX_ITERATIONS if patient else _PATIENCE,
-            np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance, _GAIN,
-            np.inf if self._fixed else self._noise, budget, level >= _OF_CONTACT, self._began)
+            MAX_ITERATIONS if patient else _PATIENCE, error, _BEARING * error, reach, _GAIN,
+            np.inf if self._fixed else self._noise, budget, self._began, damps)
         size = 1 << (HALVINGS - level)
         count = min(most, self._length(size))
         places = (self._at + size * np.arange(1, count + 1)) / (1 << HALVINGS)
@@ -482,7 +574,8 @@ class _StepControl:
             self._steps += [level] * made
             self._errors += batch.errors.tolist()
             self._samples.append(batch.samples)
-        rough = np.flatnonzero(8 * batch.errors >= _WELL_WITHIN * _PART * plan.tolerance)
+        rough = np.flatnonzero(8 * batch.errors >= _WELL_WITHIN * _PART * plan.tolerance * (
+            _BEARING if batch.last.row.after_impact else 1.0))
         self._calm = made - 1 - int(rough[-1]) if rough.size else self._calm + made
         return batch
 

@@ -77,6 +77,7 @@ _PER_STEP = 0.5      # of the energy that a motion may still gain
 AFTER = 4            # steps since an impact until the scheme is as ever
 _LANDING = 1e-6      # of the length: what comes nearer to an obstacle by more in a step lands there
 _GRAZING = 0.02      # rad: so it may come nearer where it slides along what is curved
+_OF_WAY = 0.04       # of the way of a step where the DLO bears: what its error may be
 _EXACT = 1e-4        # relative error of an eigenvalue
 # Pairs of strands are watched that may come to bear in a step: as far as both can move, with so
 # many times the speed that they have, and as near as that, of the radius, beyond both radii
@@ -118,10 +119,12 @@ class StepOptions(Record):
     share: Floats     # (A, 3) how much each axis counts: as of HoldRows
     slides: Bools     # (A,) whether the node slides along what holds it
     error: float      # m, largest local error
+    bearing: float    # m, the same where the DLO bears on an obstacle and moves far,
+    reach: float      # m, unless no node moves by more: then it may have any error there
     gain: float       # part of the energy that has moved which may be gained,
     noise: float      # and J in addition
     began: float      # J, energy balance when the motion began
-    any_error: bool   # whether a step may have any local error where the DLO bears on an obstacle
+    damps: bool       # whether a step that is not good otherwise may damp all vibrations
     follows: bool     # whether steps are short enough to follow vibrations
 
 
@@ -226,7 +229,7 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
             if left > 0:
                 credit_renewal(trial, _balance(buffer.energies[row]), options.began, options.noise)
             good = buffer.converged[row] and is_good(buffer, row, trial, options)
-            if good or not options.any_error:  # a shorter step may be good
+            if good or not options.damps:  # a shorter step may be good
                 budget[:] = trial if good else budget
                 return
     buffer.impulsive[row] = 1
@@ -279,13 +282,31 @@ def is_good(buffer, row, budget, options):
 def _is_exact(buffer, row, options):
     """Whether the local error of a step is small enough.
 
-    Where the DLO bears it may be any, and until it is small for the first time after that (which is
-    entered in the row).
+    Where the DLO bears, and until it is small for the first time after that (which is entered in
+    the row), it may also be a small part of the way of the step, and any in a short step:
+    velocities leap where something lands, sticks or lifts off, and no shorter step tells more of a
+    leap than when it is.
     """
-    exact = buffer.proofs[row, 2] <= options.error
+    error = buffer.proofs[row, 2]
+    exact = error <= options.error
     buffer.after_impact[row] = _bears(buffer, row) or buffer.impulsive[row] > 0 or (
         buffer.after_impact[row - 1] and not exact)
-    return exact or options.any_error and buffer.after_impact[row]
+    if exact or not buffer.after_impact[row]:
+        return exact
+    way = _longest_way(buffer, row)
+    return error <= min(options.bearing, _OF_WAY * way) or way <= options.reach
+
+
+@kernel
+def _longest_way(buffer, row):
+    """Return the largest distance that a node moves in the step to a row, m."""
+    longest = 0.0
+    for k in range(buffer.nodes.shape[2]):
+        square = 0.0
+        for i in range(3):
+            square += (buffer.nodes[0, row, k, i] - buffer.nodes[0, row - 1, k, i]) ** 2
+        longest = max(longest, square)
+    return np.sqrt(longest)
 
 
 @kernel

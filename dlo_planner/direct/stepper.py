@@ -192,11 +192,13 @@ class Acceptance(NamedTuple):
 
     patience: int = MAX_ITERATIONS  # Newton steps after which a step counts as not solved
     error: float = np.inf           # m, local error of a step
+    bearing: float = np.inf         # m, local error of a step where it bears on an obstacle,
+    reach: float = np.inf           # m, unless no node moves by more in it
     part: float = 0.0               # of the energy that has moved, which a motion may gain,
     noise: float = np.inf           # and J in addition
     budget: Floats = np.zeros(5)    # as of `integrate`
-    any_in_contact: bool = False    # whether any error is good where it bears on an obstacle
     began: float = 0.0              # J, balance when the motion began
+    damps: bool = False             # whether what is not good otherwise may damp all vibrations
 
 
 class StepBatch(NamedTuple):
@@ -455,8 +457,8 @@ class Stepper:
             TOLERANCE + rounding, rounding, float(exact * mesh.s[-1]), float(KEPT * mesh.s[-1]),
             limits.patience, self.nearby,
             mesh.held_spring if self.grips.kinds else mesh.spring, *self._held,
-            float(limits.error), limits.part, limits.noise, limits.began, limits.any_in_contact,
-            scheme.dt < _FOLLOWED * self.own_time)
+            float(limits.error), float(limits.bearing), float(limits.reach), limits.part,
+            limits.noise, limits.began, limits.damps, scheme.dt < _FOLLOWED * self.own_time)
 
     @cached_property
     def _held(self) -> tuple[Ints, Ints, Floats, Bools]:

@@ -351,6 +351,8 @@ def with_candidates(system, state, previous, near, whole, residual, turn):
     rolled = places.copy()
     for b in range(at.size):
         alone[b] = _is_alone(old, at, held, b, bears)
+    # (a body that an element touches is nearer to both its nodes than the element is long)
+    seen = max(near, np.max(lengths))
     gap2, where = np.empty(2), np.empty(2)
     x, normal, hessian, offset = np.empty(3), np.empty((n + 1, 3)), np.empty((3, 3)), np.zeros(
         (n + 1, 2))
@@ -361,7 +363,7 @@ def with_candidates(system, state, previous, near, whole, residual, turn):
             continue
         pushes = old.node[o]
         gaps = near_gaps(scene, o, lengths, pushes, state.strains, state.rotations,
-                         state.positions, near)
+                         state.positions, seen)
         begin, end = node_range(scene, o, n)
         for b in range(max(1, begin), end + 1):
             if gaps[b] < np.inf:

@@ -173,14 +173,14 @@ def test_a_track_yields_and_stays_bent(all_acts):
 @pytest.mark.parametrize('around', [BELOW, SOFT], ids=['floor', 'yield'])
 def test_a_motion_reaches_what_acts(around, all_acts):
     direct = simulator(around)
-    poses = [turned(-70 + 70 * np.sin(0.2 * k) ** 2, z=1.5 - 0.3 * np.sin(0.2 * k) ** 2)
+    poses = [turned(-70 + 70 * np.sin(0.2 * k) ** 2, z=1.5 - 0.32 * np.sin(0.2 * k) ** 2)
              for k in range(16)]  # there and back
     first = direct.solve(poses[0])
     one = direct.simulate(poses, 0.02, first)
     other = all_acts(lambda: direct.simulate(poses, 0.02, first))
     assert one.status == other.status == 'complete'
     assert not one.shapes[1].contacts and not one.shapes[1].dissipated
-    assert any(shape.contacts or shape.dissipated for shape in one.shapes)
+    assert one.losses[-1, 1:].max() > 1e-3  # it may bear between two instants alone
     for ours, theirs in zip(one.shapes, other.shapes, strict=True):
         assert np.abs(ours.positions - theirs.positions).max() < 1e-6
         assert len(ours.contacts) == len(theirs.contacts)

@@ -306,13 +306,12 @@ def dropped(instants, dt, friction=0.0, **options):
 def test_the_error_of_a_drop_is_known():
     motion = dropped(25, 0.01)
     assert motion.status == 'complete' and motion.shapes[-1].contacts
-    soon = motion.error_estimate  # what a second of work tells
+    soon = motion.error_estimate  # half a second of halved steps, then doubled ones
     with pytest.raises(DeadlineExceeded):
         motion.estimate_error(deadline=1e-3)
     estimate = motion.estimate_error()
-    known = np.isfinite(soon)
-    assert known[0] and (np.isfinite(estimate)).all()
-    np.testing.assert_array_equal(soon[known], estimate[known])
+    assert np.isfinite(soon).all() and np.isfinite(estimate).all()
+    assert soon[0] == estimate[0] and (soon != estimate).any()
     assert motion.error_estimate is estimate
     # four times the steps, twice the elements
     finer = dropped(97, 0.0025, n_elements=128, basis='local')
@@ -321,7 +320,8 @@ def test_the_error_of_a_drop_is_known():
     true = np.maximum.accumulate([np.linalg.norm(one.positions[::2] - other.positions, axis=1).max()
                                   for one, other in shapes])
     assert true[-1] > 1e-3  # the impact counts
-    assert (true <= estimate).all() and estimate[-1] < 5 * true[-1]
+    for one in (soon, estimate):
+        assert (true <= one).all() and one[-1] < 5 * true[-1]
     # an impact takes energy, and gives none
     assert motion.numerical_loss.min() > -1e-3 * np.ptp(motion.potential_energy)
 
@@ -471,7 +471,33 @@ def test_steps_are_exact_while_the_dlo_goes_on_bearing(friction):
 
     # with implicit Euler's steps alone they are 6e-3 and 8e-4
     assert error(1e-2) < 8e-4 and error(1.25e-3) < 3e-5
-    assert error(1e-2, None) < 5e-5  # with steps as long as the tolerance allows
+    assert error(1e-2, None) < 2e-4  # with steps as long as the tolerance, 1e-3, allows
+    assert error(1e-2, 2e-4) < 5e-5
+
+
+def fallen(thing, height, tolerance, instants, dt):
+    """Return the Motion of a DLO of 24 elements that falls on a floor, straight at first."""
+    mesh = {'n_elements': 24, 'basis': 'local'}
+    straight = DirectSimulator(thing, gravity=(0, 0, 0), **mesh).solve(LEVEL)
+    floor = Plane((0, 0, -height), (0, 0, 1), 0.4)
+    motion = DirectSimulator(thing, obstacles=[floor], **mesh).simulate(
+        [LEVEL] * instants, dt, straight, tolerance=tolerance)
+    assert motion.converged, motion.message
+    return motion
+
+
+def test_a_landing_is_as_exact_as_the_tolerance_asks():
+    usual, fine, true = (np.array([shape.positions for shape in fallen(
+        CABLE, 0.2, tolerance, 31, 0.01).shapes]) for tolerance in (1e-3, 2e-4, 5e-5))
+    errors = [np.linalg.norm(one - true, axis=2).max() for one in (usual, fine)]
+    assert errors[1] < 3e-3 and errors[1] < 0.3 * errors[0]
+
+
+def test_instants_that_are_near_to_each_other_need_no_shorter_steps_in_contact():
+    soft = Rod(1.0, 0.035, 1.2e-3, 9e-4, radius=0.0025)
+    few, many = (len(fallen(soft, 0.15, 1e-3, round(0.4 / dt) + 1, dt)._estimate.args[2].steps)
+                 for dt in (1e-2, 2e-3))
+    assert many < 2 * few
 
 
 def test_a_dlo_that_has_bounced_moves_freely_again():
@@ -516,7 +542,7 @@ def test_a_slow_motion_along_obstacles_ends_at_rest(seed):
     assert any(shape.contacts for shape in motion.shapes)
     rest = simulator.solve(way[-1], motion.shapes[-1])
     assert rest.converged
-    np.testing.assert_allclose(motion.shapes[-1].positions, rest.positions, atol=1e-4)
+    np.testing.assert_allclose(motion.shapes[-1].positions, rest.positions, atol=2e-4)
     deepest = max(contact.penetration for shape in motion.shapes for contact in shape.contacts)
     assert deepest < 1e-7
     assert_no_gain(motion)

@@ -422,6 +422,19 @@ def test_points_that_roll_to_one_place_are_one():
         np.array([[0.0, 0.3, 0.0]]), abs=1e-9)
 
 
+@pytest.mark.parametrize('near', [0.05, 1e-3])
+def test_what_touches_a_long_element_is_a_candidate(near):
+    """Also where both of its nodes are farther away than what counts as near."""
+    bar = Capsule((0.45, -1, -0.0045), (0.45, 1, -0.0045), 0.002)
+    mesh = DirectSimulator(CABLE, basis='local', n_elements=6, obstacles=[bar]).mesh
+    system, q = mesh.system(np.eye(3), np.zeros(3), mesh.past(None, None)), np.zeros((6, 3))
+    state = kkt_residual(system, q)[0]
+    near = with_candidates(system, state, NONE, near, loads_on(system), 0.0, 0.0)
+    contacts = near.effects.contact.contacts
+    assert contacts.element == [2]
+    assert contacts.fraction == pytest.approx([0.7])
+
+
 def over_a_bar(turn, friction=0.0):
     """Return Problem and unknowns of a DLO that bends over a bar, and bears on it at one point."""
     q = np.random.default_rng(0).normal(scale=1e-4, size=(24, 3))
