@@ -89,7 +89,7 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
     goal = Grips(gripper, holds)
     way = _way(previous, goal)
     touched = bool(previous.contacts)
-    if (len(previous.contacts) >= LYING and not holds and not last
+    if (len(previous.contacts) >= LYING and alike(previous.holds, holds) and not last
             and way.size > 2.0 * _SHORTEST_LYING and not _is_long(way, True, at_once)):
         even, half, end = _evenly(take, previous, goal)
         if even and not _comes_off(previous, end):

@@ -668,11 +668,11 @@ def _minimum_from(scene, o, e, begin, lengths, strains, rotations, positions, no
             low = fraction
         if high - low < 1e-15:
             break
-        step = -slope / (curve * lengths[e]) if curve > 0.0 else np.inf
+        step = -slope / (curve * lengths[e]) if curve > 0.0 else np.copysign(np.inf, -slope)
         if abs(step) < _LEAST or 0.5 * last <= abs(step) < _END:
             break  # rounding errors alone are left; to halve the bracket would lead away from here
         target = fraction + step
-        if (iteration == 0 and curve > 0.0 and not 0.0 < target < 1.0
+        if (iteration == 0 and not 0.0 < target < 1.0
                 and scene.kind[o] != SHEET):  # its gap may fall and rise again before the end
             target = 0.0 if target <= 0.0 else 1.0  # look at the end itself
         elif not (low < target < high and abs(step) < 0.5 * last):

@@ -237,11 +237,11 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             if rests:
                 return state, residual, stability, steps, kicks + falls, loaded, violation
             set_reaction(hold, reaction)
-            falls = (many or held) and stability == -np.inf
+            falls = (many or held) and stability <= -HELD_NEUTRAL
             kicks += falls
-            # (relaxation finds what has let go of a hand, and a series; a step of a motion can be
-            # made in halves, which takes less than to relax)
-            if falls or many and moves_on:
+            # (relaxation finds what has let go of a hand, and a series; a step of a motion, and one
+            # that is followed `farthest` alone, can be made in halves, which takes less)
+            if falls or many and (moves_on or local and farthest < np.inf):
                 break
         there, begin, moves = _pressed_out(
             there, begin, length * (_STUCK if attempt > 0 else _DEEP), tolerance, exact,

@@ -424,11 +424,16 @@ def contact_rows(system: Problem, state: Configuration, table: Touching) -> Any:
                      table.fraction[a], rotation, places[a])
         if table.rubbing[a] >= 0:
             friction[a] -= state.attached.force[table.rubbing[a]]
-    kept, force = np.ones(count, dtype=np.bool_), table.force.copy()
+    kept, force, one_place = (np.ones(count, dtype=np.bool_), table.force.copy(),
+                              _ONE_PLACE * np.sum(lengths))
     for a in range(count):
         for b in range(a):
-            if kept[b] and table.obstacle[a] == table.obstacle[b] and (
-                    np.sum((places[a] - places[b]) ** 2) < (_ONE_PLACE * np.sum(lengths)) ** 2):
+            if not (kept[b] and table.obstacle[a] == table.obstacle[b]):
+                continue
+            square = 0.0
+            for i in range(3):
+                square += (places[a, i] - places[b, i]) ** 2
+            if square < one_place**2:
                 one, other = (a, b) if force[a] > force[b] else (b, a)
                 force[one] += force[other]
                 friction[one] += friction[other]

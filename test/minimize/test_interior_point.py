@@ -173,6 +173,19 @@ def test_after_a_step_the_laws_hold(friction, shift=100.0):
     np.testing.assert_allclose(again[:, 0].sum(), found[:, 0].sum(), rtol=1e-2)
 
 
+@pytest.mark.parametrize('seed', [2, 25, 26, 27, 45, 47, 54, 56])
+def test_slips_that_go_to_and_fro_are_kept_in_the_end(seed):
+    """With so much friction no forces are found while |v| follows; then gaps are less exact."""
+    system, state, table = near_a_table(2.0, seed)
+    _, shear = forces(table, state)
+    hessian, answer = new_hessian(system), new_answer(state.q.shape[0], table.gap.size)
+    found, laws = np.zeros((table.gap.size, 3)), step_laws(system, state, table, shear, 1.0, 0)
+    assert interior_step(system, state, hessian, laws, 1.0, 0.01, 1e6, True, found, answer,
+                         np.zeros(0))[0] == 1
+    size = np.linalg.norm(found[:, 1:], axis=1)
+    assert (size <= 2.0 * found[:, 0] * (1 + 1e-9) + 1e-12).all()
+
+
 @pytest.mark.parametrize('friction', [0.0, 0.3, 0.8])
 def test_an_exact_step_is_found_from_any_forces(friction):
     """Of what bears and slides nothing is known. Laws are kept by their definitions."""
