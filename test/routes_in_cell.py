@@ -11,10 +11,10 @@ the cable rubs on them as Coulomb says, not with the friction that the planner t
 what lies in them when their floor bears their push. Where a fitting has snapped the gripper stops
 and turns back, as a robot does that feels it. Where the cable is a little longer than stated it
 does not snap at the planned pose: then the gripper goes on slowly, as it swung and away from the
-fitting, until it does, 6 mm at most, as a robot does that presses. A run is done when each fitting has snapped with the cable
-in it, the cable is in all of them at the end, and nothing was rammed: no fitting, nor the cable
-torn at by its gripper. The cable is led nearly taut, by a hand under impedance control (500 N/m)
-that is fed with the planned wrenches of the gripper.
+fitting, until it does, 6 mm at most, as a robot does that presses. A run is done when each fitting
+has snapped with the cable in it, the cable is in all of them at the end, and nothing was rammed: no
+fitting, nor the cable torn at by its gripper. The cable is led nearly taut, by a hand under
+impedance control (500 N/m) that is fed with the planned wrenches of the gripper.
 """
 
 import sys
