@@ -34,6 +34,7 @@ from dlo_planner.inverse.route import Threading
 from dlo_planner.inverse.tasks.thread import ThreadLookedAt
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.checks import PlanChecker
+from dlo_planner.plan.clearance import scene_about, sheet_of
 from dlo_planner.plan.margin import expected_misses, rating, uncertain_state, unseen, upright_room
 from dlo_planner.progress import Progress
 from dlo_planner.tasks import Requirements
@@ -454,3 +455,33 @@ def test_a_dlo_that_was_looked_at_passes_as_it_was_led_there():
         ThreadLookedAt(cutout, depths, obliquely=1.5)
     # where there is no way of its kind any more, the other one
     assert misalignment(ThreadLookedAt(hole(0), depths, obliquely=False)) > 0.05
+
+
+def test_the_gripper_does_not_leap_from_depth_to_depth():
+    """It costs nothing to go on from what is too far, but only what is near can be gone on to."""
+    turns = np.stack([np.eye(3), *Rotation.from_rotvec(
+        [[0, 0, 0.3], [0, 0, 1.0]]).as_matrix()])
+    places = np.array([[0, 0, 0], [0.1, 0, 0], [0.4, 0, 0]])
+    costs, rotated, shifted = np.array([5.0, 0.0]), turns[[1, 2]], places[[1, 2]]
+    for grippers, there in ((rotated, places[[0, 0]]), (turns[[0, 0]], shifted)):
+        found, best = most_room._cheapest(turns[:1], places[:1], grippers, there, costs, 3, 0.0)
+        assert found[0] > 5.0 and best[0] == 0
+        far = most_room._cheapest(turns[:1], places[:1], grippers[1:], there[1:], costs[1:], 3, 0.0)
+        assert np.isinf(far[0]).all()
+
+
+@pytest.mark.parametrize('turn', [0.4, 0.8])
+def test_a_dlo_that_comes_back_through_its_hole_does_not_pass_it(turn):
+    """An arc of a circle, a part of it beyond the sheet: all of it, or but for its end."""
+    rod = Rod(1.0, 0.05, 0.005, 0.004, radius=3e-3, natural_curvature=(2 * np.pi * turn / 0.5, 0.0))
+    shape = DirectSimulator(rod, gravity=(0, 0, 0), basis='local', n_elements=40).solve(
+        Pose.looking_along((0, 0, 0), (1, 0, 0)))
+    axis, place = shape.frames[20], shape.positions[20]
+    cutout = CutOut(Pose.looking_along(place, axis[:, 0]), radius=0.9)
+    sheet = sheet_of(cutout, 1.0, [])
+    rooms = most_room._rooms(
+        scene_about(sheet, Surface.of(rod), shape.s), axis[:, 0].copy(),
+        place - sheet.pose.position, np.diff(shape.s), *(np.array([one]) for one in (
+            shape.element_strains, shape.frames, shape.positions)), 19, 1.0, axis[None],
+        place[None], np.eye(3)[None, None], 0.0, 0.0, 1e-4)
+    assert np.isfinite(rooms[0, 0]) == (turn < 0.5)
