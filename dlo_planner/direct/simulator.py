@@ -554,11 +554,18 @@ class DirectSimulator(Value):
             raise InvalidTask(f'{name} = {pose!r}: expected within {farthest:g} m of the gripper, '
                               f'is {away:.3g} m off')
 
-    def _beginning(self, gripper: Pose, holds: Holds,
-                   initial: Shape | None) -> tuple[Shape, Discretization]:
-        """Return the Shape at time 0 of a motion and the Discretization for the rest of it."""
+    def _beginning(self, gripper: Pose, holds: Holds, initial: Shape | None,
+                   goes_on: bool = False) -> tuple[Shape, Discretization]:
+        """Return the Shape at time 0 of a motion and the Discretization for the rest of it.
+
+        `goes_on`: whether `initial` is where another motion ended.
+        """
         mesh = self._discretization.with_nodes(places_of(holds))
         known = initial
+        if goes_on and initial is not None and made_by(self, initial):
+            # on its own mesh: where another one is pressed in, what bears would be thrown off
+            mesh = initial.state.made_on.with_nodes(places_of(holds))
+            return first_shape(mesh, gripper, holds, initial, self._history), mesh
         if self.accuracy is not None:
             known = self._equilibrium(gripper, initial, holds)
             if known.state.mesh is not mesh or mesh.s.size <= _ENOUGH:
@@ -590,6 +597,7 @@ def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers
     tolerance = motion_tolerance(tolerance, simulator.rod.length)
     choice('integrator', integrator, INTEGRATORS)
     refuse_motion(simulator.surroundings, simulator.strains)
+    goes_on = isinstance(initial, Motion)
     if isinstance(initial, Motion):
         if not len(initial):
             raise InvalidTask('initial: expected a Motion with instants, it has none')
@@ -605,7 +613,7 @@ def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers
     grips = moving_grips(grippers, held, dt, velocity is None, initial)
     plan = IntegrationOptions(len(grippers), integrator, tolerance)
     with interrupted_by(steps.check):
-        start, mesh = simulator._beginning(grippers[0], held[0], initial)
+        start, mesh = simulator._beginning(grippers[0], held[0], initial, goes_on)
         begun = InitialConditions(initial, start, nodes_velocity(velocity, initial, start))
         return simulate(make(mesh, grips, dt, simulator.method), begun, plan, steps)
 

@@ -716,3 +716,23 @@ def test_what_moves_on_many_points_finds_their_forces_at_once():
     for shape in lying:
         for contact in shape.contacts:
             assert np.linalg.norm(contact.friction) <= friction * contact.force * (1 + 1e-9)
+
+
+def test_a_motion_that_rubs_on_a_floor_is_continued_by_its_own():
+    """On its own mesh: on that of the DLO at rest there a part would be pressed into the floor."""
+    thing = Rod.circular(1.0, 6e-3, density=1600, youngs_modulus=5e6, poisson_ratio=0.4,
+                         damping=0.02)
+    direct = DirectSimulator(thing, obstacles=[Plane((0, 0, 0), (0, 0, 1), 0.3)])
+    share = np.linspace(0, 1, 16)
+    way = [Pose((0, 0, z), LEVEL.quaternion)
+           for z in 0.4 - 0.15 * share**3 * (10 - 15 * share + 6 * share**2)]
+    whole = direct.simulate([*way, *way[-1:] * 6], 0.02)
+    first = direct.simulate(way, 0.02)
+    assert len(first.shapes[-1].contacts) > 4
+    rest = direct.simulate(way[-1:] * 7, 0.02, first)
+    assert rest.status == 'complete'
+    np.testing.assert_array_equal(rest.shapes[0].s, first.shapes[-1].s)
+    np.testing.assert_allclose(rest.shapes[0].gripper_wrench, first.shapes[-1].gripper_wrench)
+    moved = whole.shapes[-1].positions - first.shapes[-1].positions
+    assert np.linalg.norm(moved, axis=1).max() > 0.01
+    np.testing.assert_allclose(rest.shapes[-1].positions, whole.shapes[-1].positions, atol=2e-4)
