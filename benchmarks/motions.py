@@ -63,9 +63,14 @@ def theirs(height, cells=40, step=_STEP):
     plant = Plant(wire(), way(0.0), floor, cells=cells, step=step)
     plant = Plant(wire(), way(0.0), floor, cells=cells, step=step,
                   damping=np.pi * plant.frequencies[0] * DAMPING)
-    places, parts, seconds = [plant.points(S)], round(_DT / step), 0.0
-    for k in range(100):
-        poses = [way(_DT * (k + part / parts)) for part in range(1, parts + 1)]
+    return moved(plant, lambda time: way(_DT * time), 100, round(_DT / step), step)
+
+
+def moved(plant, pose_at, intervals, parts, step):
+    """Return (CPU s, places (n, 41, 3)) of a plant that is led to `pose_at(interval)`."""
+    places, seconds = [plant.points(S)], 0.0
+    for k in range(intervals):
+        poses = [pose_at(k + part / parts) for part in range(1, parts + 1)]
         began = process_time()
         for pose in poses:
             plant.move(pose, step)
@@ -132,18 +137,11 @@ def in_contact(name, elements=None, tolerance=None):
 
 def their_contact(scene, cells, step):
     """Return (CPU s, places) of MuJoCo's chain in a `moving.Scene`."""
-    plant, parts = Laid(scene, cells, step), round(moving.DT / step)
     where = np.array([pose.position for pose in scene.poses])
-    ways, times = CubicSpline(np.arange(len(where)), where), np.arange(1, parts + 1) / parts
-    places, seconds = [plant.points(S)], 0.0
-    for k in range(len(where) - 1):
-        poses = [Pose(ways(k + time), scene.poses[k].quaternion) for time in times]
-        began = process_time()
-        for pose in poses:
-            plant.move(pose, step)
-        seconds += process_time() - began
-        places.append(plant.points(S))
-    return seconds, np.array(places)
+    spline, last = CubicSpline(np.arange(len(where)), where), len(where) - 1
+    return moved(Laid(scene, cells, step), lambda time: Pose(
+        spline(time), scene.poses[min(int(np.ceil(time)) - 1, last)].quaternion), last,
+        round(moving.DT / step), step)
 
 
 def lines_in_contact(name):

@@ -222,7 +222,8 @@ def test_a_way_that_draws_the_dlo_taut_gives_way_to_one_nearer_to_what_holds_it(
         return SimpleNamespace(wrenches=force)
     monkeypatch.setattr(route, 'led', pulls)
     routing = object.__new__(_Routing)
-    routing._context, routing._silent, routing._back = None, None, []
+    routing._context, routing._silent, routing._back = SimpleNamespace(rod=CABLE), None, []
+    routing._bow = 0.0
     routing._simulator, routing._length = simulator(), CABLE.length
     routing._added = lambda plan, name: plan
     goal = Pose.from_rotation(pivot + turned_by(0.5) @ (shape.gripper.position - pivot),
@@ -230,6 +231,9 @@ def test_a_way_that_draws_the_dlo_taut_gives_way_to_one_nearer_to_what_holds_it(
     found = routing._way(shape, goal, 'approach')
     np.testing.assert_allclose(asked, 1 - np.array(_NEARER), atol=5e-4)
     assert found.wrenches[:, 0, 0].max() < _HARD
+    nothing = SimpleNamespace(wrenches=np.zeros((3, 1, 6)))  # without weight, unbent
+    monkeypatch.setattr(route, 'led', lambda *_: nothing)
+    assert routing._way(shape, goal, 'approach') is nothing
 
 
 def test_without_a_push_nothing_is_pressed_for_ever_where_the_way_in_is_blocked(monkeypatch):

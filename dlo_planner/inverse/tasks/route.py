@@ -51,8 +51,8 @@ _STEP = 0.04         # of the length: between two waypoints of the way
 _ENTRIES = 6         # waypoints from the standoff to the seat
 _LEAST = 0.05        # of the length: the least that is left to lead by
 _RISES = 0.0, 0.1, 0.2, 0.35  # of the length: by how much the gripper rises on its way
-# of what it leads: by how much nearer the gripper is halfway; and times the pull at both ends of a
-# way: one on which it pulls harder is not the first choice
+# of what it leads: by how much nearer the gripper is halfway; and times the pull at the ends of a
+# way, or what straightens the DLO: one on which it pulls harder is not the first choice
 _NEARER, _HARD = (0.0, 0.005, 0.02), 3.0
 # rad: by which it swings into a fitting, the least, and how far beyond level
 _SWING, _LEAST_SWING, _STEEPEST = 0.1, 0.025, 0.35
@@ -615,7 +615,7 @@ class _Routing:
         gripper keeps nearer to what holds it.
         """
         refused: Infeasible | None = None
-        found, least = None, np.inf
+        found, least, eased = None, np.inf, self._least_pull(part_led(shape))
         for back, rise, nearer in product([[], self._back] if self._back else [[]], _RISES,
                                           _NEARER if shape.holds else (0.0,)):
             if nearer and found is None:
@@ -631,7 +631,7 @@ class _Routing:
                     refused = error
                 continue
             pulls = np.linalg.norm(plan.wrenches[:, 0, :3], axis=1)
-            hard = float(pulls.max() / max(pulls[0], pulls[-1]))
+            hard = float(pulls.max() / max(pulls[0], pulls[-1], eased))
             if hard < least:
                 found, least = plan, hard
             if hard < _HARD:
@@ -785,8 +785,9 @@ class _Routing:
         return self._simulator.track([middle.gripper], initial=one, holds=[middle.holds])[0]
 
     def _keeps_clear(self, shape: Shape) -> bool:
-        """Whether a Shape breaks no demand."""
-        return self._silent.violation(Waypoint(shape)) is None
+        """Whether the DLO follows to a Shape that breaks no demand."""
+        return (shape.converged and not shape.jumped
+                and self._silent.violation(Waypoint(shape)) is None)
 
     def _pull(self, shape: Shape, seat: Floats) -> float:
         """Return the force with which the gripper pulls the DLO away from a seat (3,), N."""
