@@ -62,14 +62,54 @@ _SAME_NODE = 1e-12  # the same: nodes of two meshes that are one
 class ContactPoints(NamedTuple):
     """C points of contact inside elements and of friction, as of a `ContactSet`; world axes."""
 
-    element: Ints
-    obstacle: Ints      # -1 - o: a point of friction on obstacle o
-    multiplier: Floats  # N
-    fraction: Floats
-    anchor: Floats      # (C, 3) m, where they have come to
-    normal: Floats      # (C, 3)
-    shear: Floats       # (C, 3) N
-    slid: Floats        # (C, 3) m, by how much they slid in the step
+    of: Ints        # (C, 2) element; obstacle, or -1 - o: a point of friction on obstacle o
+    values: Floats  # (C, 14), by the names below
+
+    @property
+    def element(self) -> Ints:
+        """(C,) in which they are."""
+        return self.of[:, 0]
+
+    @property
+    def obstacle(self) -> Ints:
+        """(C,) on which they are, or -1 - o."""
+        return self.of[:, 1]
+
+    @property
+    def multiplier(self) -> Floats:
+        """(C,) N."""
+        return self.values[:, 0]
+
+    @property
+    def fraction(self) -> Floats:
+        """(C,) of the element."""
+        return self.values[:, 1]
+
+    @property
+    def anchor(self) -> Floats:
+        """(C, 3) m, where they have come to."""
+        return self.values[:, 2:5]
+
+    @property
+    def normal(self) -> Floats:
+        """(C, 3) of the obstacle."""
+        return self.values[:, 5:8]
+
+    @property
+    def shear(self) -> Floats:
+        """(C, 3) N, friction."""
+        return self.values[:, 8:11]
+
+    @property
+    def slid(self) -> Floats:
+        """(C, 3) m, by how much they slid in the step."""
+        return self.values[:, 11:]
+
+    def as_before(self) -> ContactPoints:
+        """Return them where they were before they slid."""
+        values = np.array(self.values)
+        values[:, 2:5] -= self.slid
+        return self._replace(values=values)
 
     def on(self, old: Floats, s: Floats) -> ContactPoints:
         """Return the same points on other nodes: s (n + 1,) instead of `old` (N + 1,), m."""
@@ -86,15 +126,18 @@ class ContactPoints(NamedTuple):
         fraction = np.where(np.abs(at - end) < tiny, 1.0,
                             np.minimum(np.maximum((at - begin) / (end - begin), 0.0), 1.0))
         begin = -np.minimum(np.maximum(fraction, _SAME_NODE), 1.0 - _SAME_NODE)
-        return self._replace(element=element,  # inside they are fixed, or <= 0: they roll
-                             fraction=np.where(rolls, begin, np.where(inside, self.fraction,
-                                                                      fraction)))
+        values = np.array(self.values)  # inside they are fixed, or <= 0: they roll
+        values[:, 1] = np.where(rolls, begin, np.where(inside, self.fraction, fraction))
+        return ContactPoints(np.column_stack((element, self.obstacle)), values)
 
 
-_NO_INDEX, _NO_NUMBER, NOWHERE = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 3))
+# names of what is known of points of contact, in files
+_OF = 'element', 'obstacle', 'multiplier', 'fraction'
+_VECTORS = 'anchor', 'normal', 'shear', 'slid'
+_NO_NUMBER, NOWHERE = np.zeros(0), np.zeros((0, 3))
 NO_STRANDS, NO_FRAMES = np.zeros((0, 7)), np.zeros((0, 3, 3))
 freeze((NO_STRANDS, NO_FRAMES))
-NO_POINTS = ContactPoints(_NO_INDEX, _NO_INDEX, _NO_NUMBER, _NO_NUMBER, *[NOWHERE] * 4)
+NO_POINTS = ContactPoints(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 14)))
 freeze(NO_POINTS)
 
 
@@ -175,9 +218,8 @@ class Memory(Value):
 
     def under(self, later: Memory) -> Memory:
         """Return the same past under the forces after the step; what slid in it slides."""
-        points = later.points
         return changed(self, hold=later.hold, node_force=later.node_force, strands=later.strands,
-                       points=points._replace(anchor=points.anchor - points.slid))
+                       points=later.points.as_before())
 
     def halved(self, s: Floats) -> Memory:
         """Return its contacts alone where each element is halved, `s` (2 N + 1,), before its step.
@@ -186,10 +228,10 @@ class Memory(Value):
         """
         force = np.zeros((len(self.node_force), s.size))
         force[:, ::2] = self.node_force
-        points, past = self.points, Memory.__new__(Memory)  # nobody else has its arrays
+        past = Memory.__new__(Memory)  # nobody else has its arrays
         put(past, s=s, plastic=np.zeros((s.size - 1, 0)), dissipated=0.0, hold=_NO_NUMBER,
-            node_force=force, points=points._replace(anchor=points.anchor - points.slid).on(
-                self.s, s), positions=NOWHERE, tangents=NOWHERE, of=self.of,
+            node_force=force, points=self.points.as_before().on(self.s, s), positions=NOWHERE,
+            tangents=NOWHERE, of=self.of,
             set_error=self.set_error, hinge=self.hinge, original_set=None, strands=self.strands,
             frames=NO_FRAMES)
         freeze((past.plastic, force, past.points))
@@ -214,7 +256,7 @@ class Memory(Value):
 
     def packed(self) -> dict[str, Any]:
         """Return its arrays by the names that they have in files."""
-        points = {f'point_{name}': array for name, array in self.points._asdict().items()}
+        points = {f'point_{name}': getattr(self.points, name) for name in _OF + _VECTORS}
         return {'s': self.s, 'set': self.plastic, 'set_error': self.set_error,
                 'hinge': self.hinge,
                 'lost': self.dissipated, 'hold': self.hold,
@@ -233,12 +275,12 @@ class Memory(Value):
         count, bodies = np.size(arrays.get('point_element', ())), len(arrays.get('node_force', ()))
         strain = s.size - 1, *(np.shape(arrays.get('set', ()))[1:2] or (0,))
         ends = (s.size if np.size(arrays.get('positions', ())) else 0, 3)
-        points = ContactPoints(
-            _filed(arrays, 'point_element', (count,), 0, s.size - 2, int),
-            _filed(arrays, 'point_obstacle', (count,), -bodies, bodies - 1, int),
-            _filed(arrays, 'point_multiplier', (count,)),
-            _filed(arrays, 'point_fraction', (count,), -1.0, 1.0),  # see `ContactSet`
-            *(_filed(arrays, f'point_{name}', (count, 3)) for name in ContactPoints._fields[4:]))
+        of = [_filed(arrays, 'point_element', (count,), 0, s.size - 2, int),
+              _filed(arrays, 'point_obstacle', (count,), -bodies, bodies - 1, int)]
+        columns = [_filed(arrays, 'point_multiplier', (count,)),
+                   _filed(arrays, 'point_fraction', (count,), -1.0, 1.0),  # see `ContactSet`
+                   *(_filed(arrays, f'point_{name}', (count, 3)) for name in _VECTORS)]
+        points = ContactPoints(np.column_stack(of), np.column_stack(columns))
         return cls(s, _filed(arrays, 'set', strain), float(_filed(arrays, 'lost', (), 0.0)),
                    _filed(arrays, 'hold', (np.size(arrays.get('hold', ())),)),
                    _filed(arrays, 'node_force', (bodies, s.size)), points,
@@ -423,8 +465,8 @@ class Discretization(Value):
                     section: PlasticSection) -> Problem:
         scene = self.scene if obstacles else build_scene((), Surface.of(rod), self.s)
         none = np.zeros((scene.kind.size, self.s.size))
-        contacts = ContactSet(self.spring, none, *(one.copy() for one in NO_POINTS[:-1]),
-                              self.spring)
+        points = [getattr(NO_POINTS, name).copy() for name in _OF + _VECTORS[:-1]]
+        contacts = ContactSet(self.spring, none, *points, self.spring)
         loads = {name: term.made(self.surroundings, self.s) for name, term in TERMS.items()
                  if hasattr(term, 'made')}
         return self.free._replace(elastic=elastic_part(rod), plastic=section, anchor=no_inertia(),
@@ -460,7 +502,7 @@ class Discretization(Value):
     def _nothing(self) -> tuple[Any, ...]:
         """What a Memory holds of a DLO on which nothing acts that may."""
         past = Memory.empty(self.s, 0, 0, self.surroundings)
-        return past.plastic, past.node_force, *past.points[:-1]
+        return past.plastic, past.node_force, *past.points
 
     def system(self, rotation: Floats, origin: ArrayLike | None = None,
                memory: Memory | None = None, holds: Holds = (), *,
@@ -486,7 +528,7 @@ class Discretization(Value):
                 springs: bool) -> tuple[Any, ...]:
         """Return what `minimize.solve.placed` takes but the gripper; arguments as of `system`."""
         left: tuple[Any, ...] = (
-            self._nothing if culled else (past.plastic, past.node_force, *past.points[:-1]))
+            self._nothing if culled else (past.plastic, past.node_force, *past.points))
         return (self.held if culled else self.full,
                 self._hold_rows(holds, origin, past.hold, springs) if holds else self._no_holds,
                 self.held_spring if holds else self.spring, *left)

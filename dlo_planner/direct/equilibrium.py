@@ -272,7 +272,8 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     if not hangs:
         after = memory_after(mesh, end, before, culled, strands)
         if mesh.obstructed and not culled:
-            contacts = contacts_of(mesh.s, end.contacts, gripper.position)
+            of, rows = end.contacts
+            contacts = contacts_of(mesh.s, of, rows, gripper.position)
     shape = Shape.__new__(Shape)  # its arrays are its own: to judge them takes as long as a step
     put(shape, gripper=gripper, s=mesh.s, positions=end.positions, frames=end.frames,
         element_strains=end.strains, energy=end.energy, elastic_energy=end.elastic,

@@ -509,11 +509,10 @@ def incremental_potential(system: Problem, how: SchemeCoefficients, where: Float
 def _remembering(system, buffer, row, memory, options):
     """Return the Problem of the DLO at rest in the grips of a row, with what steps have left."""
     begin, end = buffer.starts[0, memory], buffer.starts[0, memory + 1]
-    index, points = buffer.point_of[begin:end], buffer.points[begin:end]
     return placed(system, system.base, buffer.origins[row],
                   _with_holds(system.effects.hold, buffer, row, memory, options), options.spring,
-                  buffer.plastic[memory], buffer.node_forces[memory], index[:, 0], index[:, 1],
-                  points[:, 0], points[:, 1], points[:, 2:5], points[:, 5:8], points[:, 8:11])
+                  buffer.plastic[memory], buffer.node_forces[memory],
+                  buffer.point_of[begin:end], buffer.points[begin:end])
 
 
 @kernel
@@ -666,30 +665,18 @@ def _keep_contacts(contact, forces, contacts, buffer, row):
     """Keep what contacts leave to the next step, and the table of those that bear."""
     if contact is None:
         return
-    node, element, obstacle, multiplier, fraction, anchor, normal, shear, slid = forces
-    source, at, along, place, direction, force, friction, gap = contacts
+    node, point_of, points = forces
+    contact_of, rows = contacts
     buffer.node_forces[row] = node
     starts = buffer.starts
     first, other = starts[0, row], starts[1, row]
-    if first + element.size > buffer.points.shape[0] or (
-            other + source.size > buffer.contacts.shape[0]):
+    last, end = first + points.shape[0], other + rows.shape[0]
+    if last > buffer.points.shape[0] or end > buffer.contacts.shape[0]:
         buffer.stopped[0] = True
         return
-    for c in range(element.size):
-        buffer.point_of[first + c, 0], buffer.point_of[first + c, 1] = element[c], obstacle[c]
-        point = buffer.points[first + c]
-        point[0], point[1] = multiplier[c], fraction[c]
-        for i in range(3):
-            point[2 + i], point[5 + i] = anchor[c, i], normal[c, i]
-            point[8 + i], point[11 + i] = shear[c, i], slid[c, i]
-    for a in range(source.size):
-        buffer.contact_of[other + a, 0], buffer.contact_of[other + a, 1] = source[a], at[a]
-        contact_row = buffer.contacts[other + a]
-        contact_row[0], contact_row[7], contact_row[11] = along[a], force[a], gap[a]
-        for i in range(3):
-            contact_row[1 + i], contact_row[4 + i] = place[a, i], direction[a, i]
-            contact_row[8 + i] = friction[a, i]
-    starts[0, row + 1], starts[1, row + 1] = first + element.size, other + source.size
+    buffer.point_of[first:last], buffer.points[first:last] = point_of, points
+    buffer.contact_of[other:end], buffer.contacts[other:end] = contact_of, rows
+    starts[0, row + 1], starts[1, row + 1] = last, end
 
 
 # ------------------------------------------------------------------------------------------------

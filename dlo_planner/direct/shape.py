@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
@@ -111,17 +111,19 @@ class Contact(Value):
         return result
 
 
-def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tuple[Contact, ...]:
+def contacts_of(s: Floats, of: Ints, rows: Floats, origin: Floats) -> tuple[Contact, ...]:
     """Return the Contacts, by arc length, of `contact_rows` on nodes s, the gripper at `origin`."""
-    source, element, along, places, normals, forces, frictions, gaps = rows
-    at = s[element] + along
+    if not len(rows):
+        return ()
+    at = s[of[:, 1]] + rows[:, 0]
     order = np.argsort(at, kind='stable')
-    vectors = (places + origin)[order], normals[order], frictions[order]
+    rows = rows[order]
+    vectors = rows[:, 1:4] + origin, rows[:, 4:7], rows[:, 8:11]
     freeze(vectors)  # so are their rows
     found = []
     for obstacle, where, force, depth, position, normal, friction in zip(
-            source[order].tolist(), at[order].tolist(), forces[order].tolist(),
-            np.maximum(-gaps[order], 0.0).tolist(), *vectors, strict=True):
+            of[order, 0].tolist(), at[order].tolist(), rows[:, 7].tolist(),
+            np.maximum(-rows[:, 11], 0.0).tolist(), *vectors, strict=True):
         contact = Contact.__new__(Contact)  # to judge it takes as long as to find it
         put(contact, obstacle=obstacle, s=where, position=position, normal=normal, force=force,
             friction=friction, penetration=depth)

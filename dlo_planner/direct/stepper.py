@@ -162,14 +162,10 @@ class TimePoint:
         mesh, (gripper, holds), row = (self.stepper.discretization,
                                        self.stepper.grips.at(self.place), self.row)
         residual, stability, _, violation = row.proofs.tolist()
-        (element, obstacle), points = row.point_of.T, row.points
-        (source, at), places = row.contact_of.T, row.contacts
         end = Solution(
             row.bends[0], row.frames, row.nodes[0], row.wrenches, row.hold_wrenches, row.reactions,
-            row.plastic, (row.node_forces, element, obstacle, points[:, 0], points[:, 1],
-                          *(points[:, i:i + 3] for i in (2, 5, 8, 11))),
-            (source, at, places[:, 0], places[:, 1:4], places[:, 4:7], places[:, 7],
-             places[:, 8:11], places[:, 11]),
+            row.plastic, (row.node_forces, row.point_of, row.points),
+            (row.contact_of, row.contacts),
             float(row.energies[ELASTIC]), float(row.energies[STATIC]),
             float(row.energies[DISSIPATED]), 0.0, 0.0, bool(row.converged), residual, stability,
             int(row.iterations), 0, violation, False)
@@ -362,9 +358,8 @@ class Stepper:
                   np.zeros((1 + count_of_holds, 6)),
                   np.array([shape.residual, shape.stability, 0.0, shape.violation]),
                   shape.iterations, shape.evaluations, energies, shape.converged, 0, False,
-                  left.hold, left.plastic, left.node_force, np.column_stack(left.points[:2]),
-                  np.column_stack(left.points[2:]), np.zeros((count, 2), dtype=np.int64),
-                  np.zeros((count, 12)))
+                  left.hold, left.plastic, left.node_force, *left.points,
+                  np.zeros((count, 2), dtype=np.int64), np.zeros((count, 12)))
         shape = replace(shape, state=replace(shape.state, estimate=_NOT_ESTIMATED))
         now = TimePoint(0.0, row, self, not count and left.idle,
                         self.coefficients(Scheme('paper', 1.0)), left, shape)

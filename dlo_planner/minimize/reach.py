@@ -141,8 +141,9 @@ def among_all(system: Problem, found: Problem, bodies: Ints) -> Problem:
 @kernel
 def forces_among_all(forces: Any, bodies: Ints, count: int) -> Any:
     """Return what `forces_after` does of `bodies` (m,) alone, among all `count` that there are."""
-    return (_spread_over(forces[0], bodies, count), forces[1],
-            _renumbered(forces[2], bodies)) + forces[3:]
+    node, of, points = forces
+    of[:, 1] = _renumbered(of[:, 1], bodies)
+    return _spread_over(node, bodies, count), of, points
 
 
 @kernel

@@ -87,8 +87,7 @@ class Solution(NamedTuple):
 
 @kernel
 def placed(system: Problem, base: Floats, origin: Floats, hold: Any, spring: float,
-           plastic: Floats, node: Floats, element: Ints, obstacle: Ints, multiplier: Floats,
-           fraction: Floats, anchor: Floats, normal: Floats, shear: Floats) -> Any:
+           plastic: Floats, node: Floats, point_of: Ints, points: Floats) -> Any:
     """Return the same Problem in a gripper and HoldRows `hold`, with what a Memory has left."""
     effects, needs = system.effects, system.needs
     held = replaced(
@@ -96,8 +95,7 @@ def placed(system: Problem, base: Floats, origin: Floats, hold: Any, spring: flo
         'effects', replaced(effects, 'plastic', with_set(effects.plastic, plastic), 'hold', hold),
         'needs', replaced(needs, 'displaced', _displaced(needs.displaced, hold),
                           'border', _with_rows(needs.border, hold)))
-    return _touching(effects.contact, held, origin, spring, node, element, obstacle, multiplier,
-                     fraction, anchor, normal, shear)
+    return _touching(effects.contact, held, origin, spring, node, point_of, points)
 
 
 @kernel
@@ -127,13 +125,14 @@ def _with_rows(border: Any, hold: Any) -> Any:
 
 @kernel
 def _touching(contact: Any, system: Problem, origin: Floats, spring: float, node: Floats,
-              element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats, anchor: Floats,
-              normal: Floats, shear: Floats) -> Any:
+              point_of: Ints, points: Floats) -> Any:
     """Return the Problem with contacts that are left, in world axes; itself without obstacles."""
     if contact is None:
         return system
-    contacts = ContactSet(spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(),
-                          fraction.copy(), anchor - origin, normal.copy(), shear.copy(), spring)
+    contacts = ContactSet(
+        spring, node.copy(), point_of[:, 0].copy(), point_of[:, 1].copy(), points[:, 0].copy(),
+        points[:, 1].copy(), points[:, 2:5] - origin, points[:, 5:8].copy(),
+        points[:, 8:11].copy(), spring)
     return with_contacts(system, contacts, translated(contact.scene, origin))
 
 
@@ -182,24 +181,22 @@ def _without_empty(hold: Any, end: Any) -> Any:
 
 @kernel
 def placed_step(system: Problem, base: Floats, origin: Floats, hold: Any, spring: float,
-                plastic: Floats, node: Floats, element: Ints, obstacle: Ints, multiplier: Floats,
-                fraction: Floats, anchor: Floats, normal: Floats, shear: Floats, watched: Any,
+                plastic: Floats, node: Floats, point_of: Ints, points: Floats, watched: Any,
                 strains: Floats, places: Floats, tangents: Floats, frames: Floats,
                 turned_from: Floats, nodes: Ints, most: float, tolerance: float, exact: float,
                 steps: int, check: bool, near: bool) -> Any:
     """Return what `solve_step` does of what is `placed`: a Problem takes long to go to Python."""
-    there = placed(system, base.copy(), origin.copy(), hold, spring, plastic, node, element,
-                   obstacle, multiplier, fraction, anchor, normal, shear)
+    there = placed(system, base.copy(), origin.copy(), hold, spring, plastic, node, point_of,
+                   points)
     return solve_step(there, watched, base, origin, strains, places, tangents, frames, turned_from,
                       nodes, most, tolerance, exact, steps, check, near)
 
 
 @kernel
 def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, node: Floats,
-                   element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats,
-                   anchor: Floats, normal: Floats, shear: Floats, slid: Floats, places: Floats,
-                   tangents: Floats, turned_from: Floats, moved_from: Floats, strains: Floats,
-                   tolerance: float, exact: float) -> Any:
+                point_of: Ints, points: Floats, places: Floats, tangents: Floats,
+                turned_from: Floats, moved_from: Floats, strains: Floats, tolerance: float,
+                exact: float) -> Any:
     """Return what `solve_step` does, of a DLO that goes on bearing where it does as it is moved.
 
     What a Memory has left stands as in `placed`; `turned_from`, `moved_from` (3, 3), (3,) are the
@@ -207,8 +204,7 @@ def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, 
     not go on bearing.
     """
     there = placed(system, base.copy(), origin.copy(), system.effects.hold,
-                   system.effects.contact.contacts.stiffness, plastic, node, element, obstacle,
-                   multiplier, fraction, anchor, normal, shear)
+                   system.effects.contact.contacts.stiffness, plastic, node, point_of, points)
     before = _seen_from(origin, places, tangents)
     bodies = bodies_in_reach(there, before)
     length, turned = np.sum(there.lengths), 0.0
@@ -221,7 +217,7 @@ def follow_step(system: Problem, base: Floats, origin: Floats, plastic: Floats, 
         near = bodies
     while True:
         some = near.size < there.effects.contact.scene.kind.size
-        rubbing = slid[points_on(there, near)]
+        rubbing = points[points_on(there, near)][:, 11:].copy()
         (goes_on, state, residual, stability, iterations, kicks, loaded,
          violation) = predictor_corrector(
             with_bodies(there, near) if some else there, turned_from.copy(), rubbing,
@@ -408,10 +404,10 @@ def _contacts_after(contact: Any, system: Problem, state: Configuration, origin:
 
 @kernel
 def contact_rows(system: Problem, state: Configuration, table: Touching) -> Any:
-    """Return of A contacts: obstacle, element, m along it, place, normal, force, friction, gap.
+    """Return of A contacts (A, 2) obstacle and element; (A, 12) what else there is of them.
 
-    Places (A, 3) are relative to the gripper; friction (A, 3) is that on the DLO. A node and a
-    point that has rolled to it are one.
+    That is m along the element, place, normal, force, friction, gap. Places are relative to the
+    gripper; friction is that on the DLO. A node and a point that has rolled to it are one.
     """
     scene, lengths = system.effects.contact.scene, system.lengths
     count = table.gap.size
@@ -440,17 +436,26 @@ def contact_rows(system: Problem, state: Configuration, table: Touching) -> Any:
                 kept[other] = False
                 if other == a:
                     break
-    return (scene.source[table.obstacle][kept], table.element[kept], along[kept], places[kept],
-            table.normal[kept], force[kept], friction[kept], table.gap[kept])
+    of, rows, found = np.empty((count, 2), dtype=np.int64), np.empty((count, 12)), 0
+    for a in range(count):
+        if not kept[a]:
+            continue
+        of[found, 0], of[found, 1] = scene.source[table.obstacle[a]], table.element[a]
+        row = rows[found]
+        row[0], row[7], row[11] = along[a], force[a], table.gap[a]
+        for i in range(3):
+            row[1 + i], row[4 + i], row[8 + i] = places[a, i], table.normal[a, i], friction[a, i]
+        found += 1
+    return of[:found], rows[:found]
 
 
 @kernel
 def forces_after(system: Problem, state: Configuration, table: Touching, origin: Floats,
                  ended: bool) -> Any:
-    """Return the forces on nodes (M, N + 1), N, and the points inside elements and of friction.
+    """Return the forces on nodes (M, N + 1), N, and points inside elements and of friction.
 
-    What does not bear any more leaves none. What slid sticks from now on to where it has come to,
-    if the step has `ended`; the last array (C, 3) tells by how much.
+    These are (C, 2) and (C, 14) as of `ContactPoints`. What does not bear any more leaves none.
+    What slid sticks from now on to where it has come to, if the step has `ended`.
     """
     contacts = system.effects.contact.contacts
     node, multiplier = np.zeros_like(contacts.node), contacts.multiplier.copy()
@@ -464,13 +469,20 @@ def forces_after(system: Problem, state: Configuration, table: Touching, origin:
             node[o, k] = max(contacts.node[o, k], 0.0)
         else:
             multiplier[c] = max(contacts.multiplier[c], 0.0)
-    anchor, shear, slid = contacts.anchor + origin, contacts.shear.copy(), np.zeros_like(
-        contacts.anchor)
+    count = contacts.element.size
+    of, points = np.empty((count, 2), dtype=np.int64), np.empty((count, 14))
     rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
-    for c in range(contacts.element.size):
+    for c in range(count):
+        of[c, 0], of[c, 1] = contacts.element[c], contacts.obstacle[c]
+        point = points[c]
+        point[0], point[1] = multiplier[c], contacts.fraction[c]
+        for i in range(3):
+            point[2 + i], point[5 + i] = contacts.anchor[c, i] + origin[i], contacts.normal[c, i]
+            point[8 + i], point[11 + i] = contacts.shear[c, i], 0.0
         if contacts.obstacle[c] >= 0:
             continue
-        shear[c] = state.attached.force[c]
+        for i in range(3):
+            point[8 + i] = state.attached.force[c, i]
         if not ended:
             continue
         point_inside(system.lengths, state.strains, state.rotations, state.positions,
@@ -481,10 +493,9 @@ def forces_after(system: Problem, state: Configuration, table: Touching, origin:
             out += (x[i] - contacts.anchor[c, i]) * contacts.normal[c, i]
         for i in range(3):
             away = x[i] - contacts.anchor[c, i]
-            slid[c, i] = out * contacts.normal[c, i] if sticks else away
-            anchor[c, i] += slid[c, i]
-    return (node, contacts.element, contacts.obstacle, multiplier, contacts.fraction, anchor,
-            contacts.normal, shear, slid)
+            point[11 + i] = out * contacts.normal[c, i] if sticks else away
+            point[2 + i] += point[11 + i]
+    return node, of, points
 
 
 # ------------------------------------------------------------------------------------------------

@@ -148,9 +148,9 @@ def test_clearance_and_its_place_are_those_of_the_nearer_rim(off):
 
 
 def test_a_point_that_rolls_beside_a_hole_keeps_its_place_on_another_mesh():
-    none = np.zeros((3, 3))
-    points = ContactPoints(np.array([0, 0, 1]), np.zeros(3, dtype=int), np.ones(3),
-                           np.array([-0.2, -0.9, 0.0]), none, none, none, none)
+    values = np.zeros((3, 14))
+    values[:, 0], values[:, 1] = 1.0, (-0.2, -0.9, 0.0)
+    points = ContactPoints(np.array([(0, 0), (0, 0), (1, 0)]), values)
     moved = points.on(np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.2, 0.5, 0.7, 1.0]))
     assert list(moved.element) == [0, 1, 3]  # at 0.1, at 0.45, anywhere about 0.75
     np.testing.assert_allclose(moved.fraction, [-0.5, -0.25 / 0.3, 0.0])
