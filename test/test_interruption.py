@@ -258,6 +258,15 @@ def test_the_first_reason_is_the_one():
         uninterrupted(_counted(100, 1))
 
 
+@pytest.fixture
+def heard():
+    """Raise KeyboardInterrupt at Control-C, which a shell lets its background jobs ignore."""
+    known = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, known)
+
+
+@pytest.mark.usefixtures('heard')
 @pytest.mark.parametrize('checked', [True, False])
 def test_control_c_is_not_lost_in_a_kernel(checked):
     def run():
@@ -306,6 +315,7 @@ def test_a_check_may_compute_itself(capfd):
     assert len(looks) > 3 and 'Error' not in capfd.readouterr().err
 
 
+@pytest.mark.usefixtures('heard')
 def test_control_c_in_a_plain_solve_is_no_error_of_numba():
     strip = DirectSimulator(
         Rod.rectangular(1, 0.02, 0.004, 1000.0, 1e7, 0.3),
