@@ -39,10 +39,9 @@ def main():
     for event in plan.events:
         print(f'before {plan.stages[event.stage].name}: {event}')
     last = plan.shapes[-1]
-    for hold, wrench, tension in zip(last.holds, last.wrenches, plan.tensions[-1][1:],
-                                     strict=False):
+    for hold, wrench, tension in zip(last.holds, last.wrenches, plan.tensions[-1], strict=False):
         print(f'{hold.by}: s = {hold.s if hold.s is not None else last.s[-1]:.3f} m, bears '
-              f'{(wrench[:3] @ wrench[:3]) ** 0.5:.2f} N, beyond it the tension is {tension:.2f} N')
+              f'{(wrench[:3] @ wrench[:3]) ** 0.5:.2f} N, before it the tension is {tension:.2f} N')
     reports = [replay(simulator.without_obstacles(), stage, initial=stage.shapes[0])
                for stage in plan.stage_plans]
     print(f'replayed: {all(report.converged for report in reports)}, at most '

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 _SHAPES = 9         # of a plan or a motion that are drawn
 _TICK = 0.04        # of the DLO's length: the direction of the gripper on its way
+_HELD = 0.1         # the same: an arrow or, five times smaller, a ball where it is held
 _TIP = (0.45, 0.45, 0.45)
 OVER_TIME = ('time', *COLORINGS)
 
@@ -89,7 +90,10 @@ def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
         tracks = dict(zip(ways, cycle((VERMILION, _TIP, ORANGE)), strict=False))
         lines = [*(replace(one, color=tracks[name]) for k, (name, poses) in enumerate(ways.items())
                    for one in path_primitives(poses, _TICK * stage.length, k))]
-        marks = [*contact_primitives(shapes[-1]), *plug_primitives(value)]
+        held = hold_primitives(shapes[-1], _HELD * stage.length)
+        if held:
+            tracks['held at the end'] = held[0].color
+        marks = [*contact_primitives(shapes[-1]), *held, *plug_primitives(value)]
     _show(frame, stage, lines + dlo + marks, [shapes[0].gripper, shapes[-1].gripper])
     if passes or color != 'time':
         frame.color_bar(span[1], label, span[0])

@@ -73,7 +73,8 @@ def test_the_ways_of_all_arms_are_drawn_and_named():
     texts = [text.get_text() for legend in space.figure.legends for text in legend.get_texts()]
     texts += [text.get_text() for text in space.get_legend().get_texts()] if (
         space.get_legend()) else []
-    assert {'gripper', 'far_end'} <= set(texts)
+    assert {'gripper', 'far_end', 'held at the end'} <= set(texts)
+    assert is_drawn(space, [end.position, end.position + 0.1 * end.direction])
     ids = [(one.group, one.index) for one in plan_primitives(plan, ())
            if one.group == 'trajectory']
     assert ids == [('trajectory', k) for k in range(4)]
