@@ -32,6 +32,7 @@ from dlo_planner.direct.search import (
     minimum_by,
 )
 from dlo_planner.direct.shape import (
+    LYING,
     NO_WRENCHES,
     SelfContact,
     Shape,
@@ -42,6 +43,7 @@ from dlo_planner.direct.shape import (
 from dlo_planner.energy.problem import Problem
 from dlo_planner.energy.terms import may_act
 from dlo_planner.minimize.convergence import CONVERGED, Minimum
+from dlo_planner.minimize.quasi_static import settling
 from dlo_planner.minimize.semismooth import correction
 from dlo_planner.minimize.solve import (
     Solution,
@@ -383,11 +385,25 @@ def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:
     """Return how far, in m, the nodes are from the true rod's, by one step with halved elements.
 
     About what `Shape.error_estimate` says, which makes all steps and proves what it finds. Infinite
-    where such a step tells nothing.
+    where such a step tells nothing. Few points roll to where they are nearest; those of a DLO that
+    lies on something exchange their forces, with others in between (`minimize.quasi_static`).
     """
-    if not shape.contacts or shape.holds or mesh.yields or not mesh.may_hang:
+    if not shape.contacts or mesh.yields or not mesh.may_hang or shape.state.feed is not None:
         return np.inf
     gripper, finer = shape.gripper, mesh.finer
-    system = finer.system(gripper.rotation, gripper.position, past.halved(finer.s))
-    return 4 / 3 * float(correction(system, np.array(shape.element_strains),
-                                    shape.positions - gripper.position))
+    strains, places = np.array(shape.element_strains), shape.positions - gripper.position
+    if len(shape.contacts) < LYING:
+        there = past.halved(finer.s)
+        system = finer.system(gripper.rotation, gripper.position, there, shape.holds)
+        return 4 / 3 * float(correction(system, strains, places))
+    before = shape.state.before or past
+    there = finer.past(before.under(past))
+    system = finer.system(gripper.rotation, gripper.position, there, shape.holds)
+    return 4 / 3 * float(settling(system, strains, places, _seen_from(gripper, there)))
+
+
+def _seen_from(gripper: Pose, past: Memory) -> Floats:
+    """Return (N + 1, 6) where nodes were, from a gripper, and their tangents; (0, 6) if new."""
+    if not len(past.positions):
+        return np.zeros((0, 6))
+    return np.hstack([past.positions - gripper.position, past.tangents])

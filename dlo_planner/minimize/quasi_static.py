@@ -68,15 +68,18 @@ from dlo_planner.minimize.kkt import add_to, dot
 from dlo_planner.minimize.relaxation import deepest
 from dlo_planner.minimize.semismooth import (
     crosses_a_sheet,
+    farthest_of_halved,
     forces,
     is_halfway,
     no_reaction,
     place,
+    put_halved,
 )
 
 _COST = 30        # of a step, relative to one of Newton's method for a DLO that hangs freely
 _TURN = 0.5       # rad: no step turns a node by more
 _NEAR, _FARTHEST = 0.05, 0.5  # of the length: candidates have smaller gaps, at first and at most
+_CLOSELY = 0.01   # of the length: the same, of a step that only mends the error of a mesh
 _FARTHER = 4.0    # times that reach, where a step has met what was not seen
 # The shift, relative to elasticity and loads: where it begins, its least and most, times the first
 _LEAST_SHIFT, _FLOOR, _MOST_SHIFT = 1e-3, 1e-4, 1e9
@@ -127,10 +130,8 @@ def settle(system, q, previous, rough, most, farthest, flow):
     # (springs of what is held would push against what a step turns to second order)
     system = _with_hold(system, replaced(hold, 'stiffness', 0.0, 'turn_stiffness', 0.0))
     hold, held = system.effects.hold, hold
-    rigidity = bending_energy(system) / length
-    loads, reaction, whole = (np.sum(np.abs(system.effects.load.pull)), no_reaction(system),
-                              loads_on(system))
-    least, near = _LEAST_SHIFT * (1.0 + loads / rigidity), _NEAR * length
+    reaction, whole = no_reaction(system), loads_on(system)
+    least, near = _least_shift(system), _NEAR * length
     state, hessian = new_configuration(system), new_hessian(system)
     trial, right, wrong = new_configuration(system), np.empty_like(q), np.empty_like(q)
     state.q[:] = q
@@ -297,6 +298,42 @@ def carried(system, q, previous, base):
     contacts = with_forces(loaded, table, normal, shear, whole).effects.contact.contacts
     return True, after.q, with_contacts(
         system, replaced(contacts, 'anchor', contacts.anchor - shift), now.scene)
+
+
+@kernel
+def settling(system, strains, positions, previous):
+    """Return how far, in m, the first step of the flow moves nodes where elements are halved.
+
+    It has the least shift with which the DLO stands. Infinite where there is no such step, or the
+    DLO falls. Shapes: strains (N, 3), positions (N + 1, 3); previous (2 N + 1, 6), as of `settle`.
+    """
+    hold, length, most = system.effects.hold, np.sum(system.lengths), _least_shift(system)
+    system = _with_hold(system, replaced(hold, 'stiffness', 0.0, 'turn_stiffness', 0.0))
+    state, hessian, reaction = new_configuration(system), new_hessian(system), no_reaction(system)
+    put_halved(system, strains, state)
+    loaded = with_candidates(system, state, previous, _CLOSELY * length, loads_on(system), 0.0,
+                             _TURN)
+    state, _, table, _ = kkt_residual(loaded, state.q)
+    _, shear = forces(table, state)
+    laws = step_laws(loaded, state, table, shear, 1.0, reaction.size)
+    answer, force = new_answer(state.q.shape[0], table.gap.size), np.zeros((table.gap.size, 3))
+    found, shift = exact_step(loaded, state, hessian, laws, 0.0, _FLOOR * most, most, True, force,
+                              answer, reaction)
+    if found < 1:
+        found, _ = interior_step(loaded, state, hessian, laws, shift, _FLOOR * most, most, True,
+                                 force, answer, reaction)
+    if found < 1 or not largest_turn(loaded, hessian, answer.step) < _TURN:
+        return np.inf
+    put_sum(state.q, 1.0, answer.step, state.q)
+    place(loaded, state)
+    return farthest_of_halved(state, positions)
+
+
+@kernel
+def _least_shift(system):
+    """Return the shift with which a flow begins where it has one, relative to all that acts."""
+    rigidity = bending_energy(system) / np.sum(system.lengths)
+    return _LEAST_SHIFT * (1.0 + np.sum(np.abs(system.effects.load.pull)) / rigidity)
 
 
 @kernel

@@ -11,7 +11,7 @@ from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation
 from sweeps.contact import DRAWN_ON, drawn, random_scene
 
-from dlo_planner import Box, Capsule, DirectSimulator, Plane, Pose, Rod
+from dlo_planner import Box, Capsule, DirectSimulator, FarEnd, Plane, Pose, Rod
 from dlo_planner.direct.equilibrium import corrected_by
 from dlo_planner.direct.sensitivity import Sensitivity
 
@@ -243,6 +243,20 @@ def test_one_step_on_halved_elements_tells_what_all_steps_do_where_it_slides(wir
         slid.append(any(np.linalg.norm(contact.friction) > 0.299 * contact.force
                         for contact in shape.contacts))
     assert sum(slid) >= 3
+
+
+def test_one_step_on_halved_elements_tells_what_all_steps_do_of_a_cable_that_lies_in_two_grips():
+    # (what it was before the step decides which way its friction acts)
+    cable = Rod(1.0, 0.035, 1.2e-3, 9e-4, radius=0.0025)
+    direct = DirectSimulator(cable, basis='local', n_elements=64,
+                             obstacles=[Plane((0, 0, 0), (0, 0, 1), 0.4)])
+    down = [Pose.looking_along((0, 0, z), (0.94, 0, -0.34)) for z in np.linspace(0.45, 0.25, 8)]
+    ends = [FarEnd(Pose((0.8, 0, 0.03), LEVEL))] * len(down)
+    lying = [shape for shape in direct.track(down, far_ends=ends) if len(shape.contacts) > 4]
+    assert len(lying) >= 4
+    ratios = [corrected_by(shape.mesh, shape, shape.history) / shape.error_estimate
+              for shape in lying]
+    assert 0.7 < min(ratios) and max(ratios) < 2.0 and abs(np.median(ratios) - 1.0) < 0.05
 
 
 @pytest.mark.parametrize('height', [0.12, 0.1, 0.08])
