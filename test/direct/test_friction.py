@@ -256,7 +256,7 @@ def test_one_step_on_halved_elements_tells_what_all_steps_do_of_a_cable_that_lie
     assert len(lying) >= 4
     ratios = [corrected_by(shape.mesh, shape, shape.history) / shape.error_estimate
               for shape in lying]
-    assert 0.7 < min(ratios) and max(ratios) < 2.0 and abs(np.median(ratios) - 1.0) < 0.05
+    assert min(ratios) > 0.6 and max(ratios) < 2.0 and abs(np.median(ratios) - 1.0) < 0.05
 
 
 @pytest.mark.parametrize('height', [0.12, 0.1, 0.08])
