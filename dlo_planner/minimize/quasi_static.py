@@ -126,14 +126,14 @@ def settle(system, q, previous, rough, most, farthest, flow):
 
     At rest the residual is below `rough`, and no contact is deeper than `_DEPTH` times that, of the
     length. The flow also ends after `most` steps, and, with an infinite residual, where all of them
-    have turned nodes by more than `farthest`, rad; if that is finite, also where the DLO leaves what
-    was an equilibrium before, and is none any more. `flow` (2,) is the shift, here and where it
-    ends, and its least while the DLO leaves a saddle: with a smaller one the flow would lead back.
+    have turned nodes by more than `farthest`, rad. If that is finite, also where the DLO leaves
+    what was an equilibrium before, and is none any more. `flow` (2,) is the shift, here and where
+    it ends, and its least while the DLO leaves a saddle: with a smaller one the flow would lead
+    back.
     The last value returned is whether the DLO does not stand there with a smaller one.
     """
     hold, length = system.effects.hold, np.sum(system.lengths)
-    # (springs of what is held would push against what a step turns to second order)
-    system = _with_hold(system, replaced(hold, 'stiffness', 0.0, 'turn_stiffness', 0.0))
+    system = _without_springs(system)
     hold, held = system.effects.hold, hold
     reaction, whole = no_reaction(system), loads_on(system)
     least, near = _least_shift(system), _NEAR * length
@@ -243,6 +243,16 @@ def _with_hold(system, hold):
 
 
 @kernel
+def _without_springs(system):
+    """Return the same Problem; what is held has no springs, but forces.
+
+    They would push against what a step turns to second order.
+    """
+    hold = system.effects.hold
+    return _with_hold(system, replaced(hold, 'stiffness', 0.0, 'turn_stiffness', 0.0))
+
+
+@kernel
 def carried(system, q, previous, base):
     """Return whether a DLO that bears follows its gripper to first order, its unknowns (m, 3) then.
 
@@ -318,8 +328,7 @@ def settling(system, strains, positions, previous):
     It has the least shift with which the DLO stands. Infinite where there is no such step, or the
     DLO falls. Shapes: strains (N, 3), positions (N + 1, 3); previous (2 N + 1, 6), as of `settle`.
     """
-    hold, length, most = system.effects.hold, np.sum(system.lengths), _least_shift(system)
-    system = _with_hold(system, replaced(hold, 'stiffness', 0.0, 'turn_stiffness', 0.0))
+    length, most, system = np.sum(system.lengths), _least_shift(system), _without_springs(system)
     state, hessian, reaction = new_configuration(system), new_hessian(system), no_reaction(system)
     put_halved(system, strains, state)
     loaded = with_candidates(system, state, previous, _CLOSELY * length, loads_on(system), 0.0,
