@@ -15,6 +15,7 @@ remembers nothing of its way: after a fall all that is left of that is tried at 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import ceil, log2
 from typing import NamedTuple, TypeAlias
 
@@ -22,7 +23,7 @@ import numpy as np
 
 from dlo_planner.direct.discretization import SAMPLES, stretched
 from dlo_planner.direct.energy_balance import work_of_grips
-from dlo_planner.direct.equilibrium import equilibrium
+from dlo_planner.direct.equilibrium import AlongWay, equilibrium, error_of_way, past_of
 from dlo_planner.direct.grips import Grips, frame_inside, grips_at
 from dlo_planner.direct.self_passage import has_passed
 from dlo_planner.direct.shape import LYING, Shape
@@ -96,7 +97,7 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
         if even and end is not None and not _comes_off(previous, end):
             there = _led(previous, end)
             if there.passed_itself is False:
-                return there
+                return _with_error_of_way(previous, there)
         return _in_parts(take, previous, goal, way, halvings, None, half,
                          not (half.converged or half.state.kicks), np.inf, end)
     shape: Shape | None = None
@@ -184,9 +185,34 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
             rest = shape  # what hangs freely does not remember its way, nor shall its mesh
         if rest.passed_itself is not passed:
             rest = changed(rest, passed_itself=passed)
+        rest = _after_way(middle, rest)
         if not whole or not short:
             return _jumped(rest) if jumped else rest
         middle = _jumped(rest)
+
+
+def _with_error_of_way(previous: Shape, shape: Shape) -> Shape:
+    """Return a Shape that knows the error of its way from a previous one, in two halves."""
+    mesh = shape.state.mesh
+    if mesh is None:
+        return shape
+    strains = previous.element_strains
+    if not mesh.has_nodes(previous.s):
+        strains = mesh.strains_from(previous.s, strains)
+    way = partial(error_of_way, mesh, shape.gripper, shape.positions, previous.gripper, strains,
+                  past_of(mesh, previous, None), shape.holds)
+    return changed(shape, state=changed(
+        shape.state, estimate=AlongWay(shape.state.estimate, (way,))))
+
+
+def _after_way(middle: Shape, shape: Shape) -> Shape:
+    """Return the Shape after another part of a step, with the errors of both ways."""
+    known, own = middle.state.estimate, shape.state.estimate
+    if not isinstance(known, AlongWay):
+        return shape
+    estimate = (AlongWay(own.on_mesh, known.ways + own.ways) if isinstance(own, AlongWay) else
+                AlongWay(own, known.ways))
+    return changed(shape, state=changed(shape.state, estimate=estimate))
 
 
 def _led(previous: Shape, shape: Shape) -> Shape:

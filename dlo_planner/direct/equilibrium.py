@@ -8,7 +8,7 @@ Most searches are one compiled call (`minimize.solve`). All shapes of simulators
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -64,6 +64,7 @@ _GRIP_KEPT = 1e-9      # of the length: by how much a grip may be missed at the 
 _SLACK = 1e-3          # of the slack: the same, as the DLO pulls the tighter the less there is
 _GRIP_EXACT = 1e-4     # of the slack: what is aimed at
 _LEAST_SLACK = 1e-10   # of the length: slack that is looked at
+_WHOLE = 100           # Newton steps of a whole step, after its halves: it takes 30 at most
 _IN_VAIN = 30          # Newton steps towards what is out of reach
 
 
@@ -343,6 +344,40 @@ def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: F
         return _error_from(mesh, positions, there)
     finer = halved(mesh, gripper, strains, before, holds, culled)
     return np.inf if finer is None else moved_from(mesh, positions, finer, culled)
+
+
+class AlongWay(NamedTuple):
+    """The error of a Shape that depends on its way, as where it rubs: that of its mesh, and theirs.
+
+    Called, it returns their sum in m.
+    """
+
+    on_mesh: Callable[[], float]
+    ways: tuple[Callable[[], float], ...]  # of the parts of its step
+
+    def __call__(self) -> float:
+        """Return it."""
+        return self.on_mesh() + sum(way() for way in self.ways)
+
+
+def error_of_way(mesh: Discretization, gripper: Pose, positions: Floats, before: Pose,
+                 strains: Floats, past: Memory, holds: Holds) -> float:
+    """Return how far, in m, nodes are from where one step leads that was made in two halves.
+
+    Friction follows a way by steps of first order. So halves of a step are wrong by as much as they
+    are from the whole of it: what quarters would change is half of that, what eighths a quarter.
+    Infinite where the whole step leads nowhere.
+
+    Args:
+        mesh: on which the halves were made
+        gripper, positions, holds: where they ended, positions (N + 1, 3)
+        before, strains, past: gripper, strains (N, 3) and Memory from which they began
+    """
+    how = search_of(mesh, gripper, holds)
+    whole = equilibrium(mesh, gripper, strains, past, holds,
+                        how=how._replace(steps=min(how.steps, _WHOLE)),
+                        watch=UNWATCHED._replace(rotation=before.rotation))
+    return _largest(whole.positions - positions) if whole.converged else np.inf
 
 
 def halved(mesh: Discretization, gripper: Pose, strains: Floats, before: Memory,

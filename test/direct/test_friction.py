@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Coulomb's law in every shape: where a tip lets go (the elastica), what sticks, what slides."""
 
+import pickle
 from functools import cache
 
 import numpy as np
@@ -264,6 +265,23 @@ def test_one_step_on_halved_elements_tells_what_all_steps_do_of_a_cable_that_is_
     ratios = errors_by_one_step(down + drawn)
     assert ratios.size >= 12
     assert ratios.min() > 0.5 and ratios.max() < 2.0 and abs(np.median(ratios) - 1.0) < 0.1
+
+
+@pytest.mark.parametrize('way', [(-0.07, 0.07, 0.0), (0.0, 0.1, 0.0)], ids=['back', 'aside'])
+def test_a_long_step_that_rubs_says_how_far_shorter_ones_end_from_it(way):
+    direct = DirectSimulator(CABLE, basis='local', n_elements=64,
+                             obstacles=[Plane((0, 0, 0), (0, 0, 1), 0.3)])
+    attitude = (0, 0.17, 0, 0.985)
+    down = [Pose((0, 0, z), attitude) for z in np.linspace(0.2, 0.04, 9)]
+    lying = direct.track(down)[-1]
+    goals = [Pose((0, 0, 0.04) + np.array(way) * part, attitude) for part in (1, *np.arange(
+        1, 33) / 32)]
+    long = direct.solve(goals[0], lying)
+    shorter = direct.track(goals[1:], initial=lying)[-1]
+    away = np.linalg.norm(long.positions - shorter.positions, axis=1).max()
+    assert long.converged and not (long.jumped or shorter.jumped)
+    assert 3e-4 < away < long.error_estimate < 4.0 * away
+    assert pickle.loads(pickle.dumps(long)).error_estimate == long.error_estimate
 
 
 def test_one_step_on_halved_elements_tells_what_all_steps_do_of_a_cable_in_two_grips():
