@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from sweeps.contact import DRAWN_ON, drawn, random_scene
 
 from dlo_planner import Box, Capsule, DirectSimulator, FarEnd, Plane, Pose, Rod
-from dlo_planner.direct.equilibrium import corrected_by
+from dlo_planner.direct.equilibrium import AlongWay, corrected_by
 from dlo_planner.direct.sensitivity import Sensitivity
 
 THIN = 5e-4
@@ -254,8 +254,14 @@ def errors_by_one_step(poses, ends=None):
     direct = DirectSimulator(CABLE, basis='local', n_elements=64,
                              obstacles=[Plane((0, 0, 0), (0, 0, 1), 0.3)])
     shapes = direct.track(poses, far_ends=ends and [ends] * len(poses))
-    return np.array([corrected_by(shape.mesh, shape, shape.history) / shape.error_estimate
+    return np.array([corrected_by(shape.mesh, shape, shape.history) / error_of_mesh(shape)
                      for shape in shapes if len(shape.contacts) > 4])
+
+
+def error_of_mesh(shape):
+    """Return the error of a Shape without that of its way, m."""
+    estimate = shape.state.estimate
+    return estimate.on_mesh() if isinstance(estimate, AlongWay) else estimate()
 
 
 def test_one_step_on_halved_elements_tells_what_all_steps_do_of_a_cable_that_is_drawn():
