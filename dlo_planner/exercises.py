@@ -192,9 +192,10 @@ def planned_among_obstacles() -> None:
     for simulator in (DirectSimulator(_YIELDING), _among_obstacles()):
         InverseSimulator(simulator, workspace=cell).thread(
             CutOut(Pose.looking_along((9, 0, 1), (1, 0, 0)), radius=0.2), depths=[0, 0.5])
-    elastic = DirectSimulator(_ROD, n_elements=64, obstacles=[Plane((0, 0, -0.01), (0, 0, 1))])
-    shape = elastic.track([Pose((0, 0, z), (0, 0, 0, 1)) for z in (0, -0.005, -0.006)])[-1]
-    assert corrected_by(elastic.mesh, shape, past_of(elastic.mesh, shape, None)) < 1
+    for rod in (_ROD, Rod(1.0, 0.1, 0.01, 0.01)):  # it lies on one point, and on many
+        elastic = DirectSimulator(rod, n_elements=64, obstacles=[Plane((0, 0, -0.01), (0, 0, 1))])
+        shape = elastic.track([_LEVEL, Pose((0, 0, -0.005), (0, 0, 0, 1))])[-1]
+        assert corrected_by(elastic.mesh, shape, past_of(elastic.mesh, shape, None)) < 1
     corners = 0.01 * np.vstack([np.zeros(3), np.eye(3)])
     DirectSimulator(_THIN, n_elements=16, obstacles=[Mesh(corners, _TETRAHEDRON)]).solve(_LEVEL)
 

@@ -63,7 +63,7 @@ _CLEARLY, _RUBBED = 0.7, 0.35  # the same, of one step on a finer mesh; with fri
 _FINER = 1.2       # times as many elements at least
 _AGREE = 1.25      # times: two meshes that agree so well on the error of a shape have it right
 _FARTHEST = 20     # and at most: so far one shape tells what another mesh will do
-_FREE, _HELD, _TOUCHING = 4.0, 1.5, 2.5  # times `truncation_error`: less
+_FREE, _HELD, _TOUCHING, _LYING = 4.0, 1.5, 2.5, 1.5  # times `truncation_error`: less
 _POINTS = 6      # nodes of a polynomial through an integral
 _STABLE = 0.1    # a shape that is less stable magnifies errors
 _BEARS = 5e-4    # of the length: below, where it bears on an obstacle may be off by more than bends
@@ -79,7 +79,7 @@ def fine_enough(shape: Shape, accuracy: float) -> bool:
     if surely_within(shape, accuracy):
         return True
     if shape.contacts and _tells(shape, accuracy):
-        return False
+        return _clearly_within(shape, accuracy)
     return not _mode_is_missed(shape, accuracy) and (
         _clearly_within(shape, accuracy) or shape.error_estimate <= _ENOUGH * accuracy)
 
@@ -196,7 +196,8 @@ def refined(mesh: Discretization, fine: str, shape: Shape,
     if mesh.basis != fine:
         s = graded_mesh(s, bent, elements, around.breaks)
         return Discretization(around, s, fine, _FIRST_TERMS)
-    from_mesh = _bound(shape, mesh) if _tells(shape, accuracy) else shape.error_estimate
+    tells = _tells(shape, accuracy)
+    from_mesh = _bound(shape, mesh) if tells else shape.error_estimate
     if elements >= _MANY and not np.isfinite(from_mesh):
         return None
     if fine != 'local':
@@ -204,7 +205,8 @@ def refined(mesh: Discretization, fine: str, shape: Shape,
         if shape.error_estimate > 1.5 * from_mesh or from_mesh < 0.3 * _MARGIN * accuracy:
             terms = min(terms + max(2, terms // 4), _MOST_TERMS)
     if from_mesh > 0.8 * _MARGIN * accuracy:
-        growth = np.clip(np.sqrt(from_mesh / (0.5 * _MARGIN * accuracy)), 1.2, 2.5)
+        aim = _ENOUGH if tells else 0.5 * _MARGIN
+        growth = np.clip(np.sqrt(from_mesh / (aim * accuracy)), 1.2, 2.5)
         wanted = min(int(np.ceil(growth * elements)), _MOST_ELEMENTS)
         if not made_with_a_set(shape):
             s = graded_mesh(s, bent, wanted, around.breaks)
@@ -230,7 +232,8 @@ def _bound(shape: Shape, mesh: Discretization) -> float:
     strains, system = shape.element_strains, mesh.free
     if not mesh.has_nodes(shape.s):
         freeze(strains := mesh.strains_from(shape.s, strains))  # as those of a Shape are
-    times = _TOUCHING if shape.contacts else _HELD if shape.holds else _FREE
+    times = (_LYING if _rubs(shape) else _TOUCHING if shape.contacts else
+             _HELD if shape.holds else _FREE)
     return float(times * truncation_error(system.lengths, strains, system.natural, system.scale,
                                           system.basis))
 
@@ -238,16 +241,17 @@ def _bound(shape: Shape, mesh: Discretization) -> float:
 def _rubs(shape: Shape) -> bool:
     """Whether a DLO lies on something and rubs on it, which holds it where it is.
 
-    Its stability magnifies no error then: in 800 shapes of ordinary scenes the estimate was below
-    half of `truncation_error`. Else halved elements led to another shape: where friction lets go,
-    a step leads to one or another, on any mesh.
+    Its stability magnifies no error then: of 1624 shapes of ordinary scenes, on 48 to 90 elements,
+    the estimate was below half of `truncation_error` for 88 %, and below all of it for 97 %. Else
+    halved elements led to another shape: where friction lets go, a step leads to one or another, on
+    any mesh.
     """
     return (len(shape.contacts) >= LYING and not shape.holds and not shape.dissipated
             and all(one.friction.any() for one in shape.contacts))
 
 
 def _tells(shape: Shape, accuracy: float) -> bool:
-    """Whether `_bound` alone decides on which mesh a DLO that rubs is within an accuracy, m."""
+    """Whether `_bound` tells which mesh is fine enough for a DLO that rubs, for an accuracy, m."""
     return (_rubs(shape) and shape.state.made_on.bounded_by_truncation
             and accuracy >= _BEARS * shape.s[-1])
 

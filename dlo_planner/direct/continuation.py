@@ -15,6 +15,7 @@ remembers nothing of its way: after a fall all that is left of that is tried at 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import ceil, log2
 from typing import NamedTuple, TypeAlias
 
@@ -22,7 +23,7 @@ import numpy as np
 
 from dlo_planner.direct.discretization import SAMPLES, stretched
 from dlo_planner.direct.energy_balance import work_of_grips
-from dlo_planner.direct.equilibrium import equilibrium
+from dlo_planner.direct.equilibrium import AlongWay, equilibrium, error_of_way, past_of
 from dlo_planner.direct.grips import Grips, frame_inside, grips_at
 from dlo_planner.direct.self_passage import has_passed
 from dlo_planner.direct.shape import LYING, Shape
@@ -54,6 +55,7 @@ _FOLLOWING = 3.0        # rad of shape per rad of the gripper: more is looked at
 _SPREAD = 0.2           # of how much the work depends on when forces change in a step: its error
 _ROUGH = 0.01           # of the elastic energy: what may be lost where no discontinuity is seen
 _EXACT = 1e-6           # of the elastic energy: what may always be lost, an error of solvers
+_THERE = 1e-8           # rad and of the length: what is left of a way that has been gone
 _EVENLY = 0.75          # of a step's change: more in half of it is a discontinuity, perhaps
 _SAME = 0.01            # rad: two shapes that differ by less are one
 _SLIDES = 1 - 1e-6      # of friction's limit
@@ -92,12 +94,12 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
     if (len(previous.contacts) >= LYING and alike(previous.holds, holds) and not last
             and way.size > 2.0 * _SHORTEST_LYING and not _is_long(way, True, at_once)):
         even, half, end = _evenly(take, previous, goal)
-        if even and not _comes_off(previous, end):
+        if even and end is not None and not _comes_off(previous, end):
             there = _led(previous, end)
             if there.passed_itself is False:
-                return there
+                return _with_error_of_way(previous, there)
         return _in_parts(take, previous, goal, way, halvings, None, half,
-                         not (half.converged or half.state.kicks), np.inf)
+                         not (half.converged or half.state.kicks), np.inf, end)
     shape: Shape | None = None
     first: Shape | None = None
     most, failed = np.inf, False
@@ -136,7 +138,8 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
 
 
 def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halvings: int | None,
-              shape: Shape | None, half: Shape | None, failed: bool, most: float) -> Shape:
+              shape: Shape | None, half: Shape | None, failed: bool, most: float,
+              end: Shape | None = None) -> Shape:
     """Return what `follow` does, in two halves.
 
     Args:
@@ -145,6 +148,7 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
         half: what its first half leads to, the same
         failed: whether no equilibrium is found at once
         most: see `StepInputs`: with which `shape` was found
+        end: what the second half leads to from `half`, if that has been looked for
     """
     whole = halvings is None
     if halvings is None:
@@ -160,25 +164,55 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
             return _jumped(middle)
         return _led(previous, _jumped(_to_its_end(take, previous, goal, shape, most, whole)))
     while True:
-        if (not whole and middle.jumped and left >= _AFTER and middle.state.culled
-                and not goal.holds):
+        fell_and_lies = middle.jumped and len(middle.contacts) >= LYING
+        if not whole and (fell_and_lies or middle.jumped and left >= _AFTER
+                          and middle.state.culled and not goal.holds):
             return middle  # what is left of the way is for the step that all of it began with
+        known = end if half is not None and middle.state is half.state else None
+        after = min(left, _AFTER) if middle.jumped else left
         rest = follow(take, middle, goal.gripper, goal.holds, False,
-                      min(left, _AFTER) if middle.jumped else left)
+                      0 if fell_and_lies else after, known)
+        if fell_and_lies and not rest.converged:
+            rest = follow(take, middle, goal.gripper, goal.holds, False, after, rest)
         if not rest.converged and (whole and lying if shape is None else
                                    whole or shape.converged):
             # the whole step may have an end, which its parts do not reach
             return _led(previous, _jumped(_to_its_end(take, previous, goal, shape, most, whole)))
-        short = rest.jumped and rest.state.culled and rest.gripper is not goal.gripper
+        short = rest.jumped and _way(rest, goal).size > _THERE
         jumped, passed = rest.jumped or middle.jumped, _either(middle, rest)
         if (not short and shape is not None and shape.converged and shape.state.culled
                 and not goal.holds and shape_change(rest, shape) <= _SAME):
             rest = shape  # what hangs freely does not remember its way, nor shall its mesh
         if rest.passed_itself is not passed:
             rest = changed(rest, passed_itself=passed)
-        if not whole or not short or middle.jumped:
+        rest = _after_way(middle, rest)
+        if not whole or not short:
             return _jumped(rest) if jumped else rest
-        middle = rest
+        middle = _jumped(rest)
+
+
+def _with_error_of_way(previous: Shape, shape: Shape) -> Shape:
+    """Return a Shape that knows the error of its way from a previous one, in two halves."""
+    mesh = shape.state.mesh
+    if mesh is None:
+        return shape
+    strains = previous.element_strains
+    if not mesh.has_nodes(previous.s):
+        strains = mesh.strains_from(previous.s, strains)
+    way = partial(error_of_way, mesh, shape.gripper, shape.positions, previous.gripper, strains,
+                  past_of(mesh, previous, None), shape.holds)
+    return changed(shape, state=changed(
+        shape.state, estimate=AlongWay(shape.state.estimate, (way,))))
+
+
+def _after_way(middle: Shape, shape: Shape) -> Shape:
+    """Return the Shape after another part of a step, with the errors of both ways."""
+    known, own = middle.state.estimate, shape.state.estimate
+    if not isinstance(known, AlongWay):
+        return shape
+    estimate = (AlongWay(own.on_mesh, known.ways + own.ways) if isinstance(own, AlongWay) else
+                AlongWay(own, known.ways))
+    return changed(shape, state=changed(shape.state, estimate=estimate))
 
 
 def _led(previous: Shape, shape: Shape) -> Shape:
@@ -198,8 +232,11 @@ def _either(one: Shape, other: Shape) -> bool | float:
                 next((passed for passed in both if passed is not False), False))
 
 
-def _evenly(take: Equilibrium, previous: Shape, goal: Grips) -> tuple[bool, Shape, Shape]:
+def _evenly(take: Equilibrium, previous: Shape,
+            goal: Grips) -> tuple[bool, Shape, Shape | None]:
     """Return whether two half steps change a DLO that lies about as much; the Shapes after them.
+
+    None of the second one where the first has led nowhere.
 
     What is discontinuous is so in one of them. Its friction depends on how long steps are, and
     contacts come and go in most of them: the whole step in addition would say no more.
@@ -208,10 +245,10 @@ def _evenly(take: Equilibrium, previous: Shape, goal: Grips) -> tuple[bool, Shap
     most = _most_in_contact(_way(previous, there))
     first = take(there.gripper, previous, there.holds, most)
     if not _keeps_energy(previous, first):
-        return False, first, first
+        return False, first, None
     end = take(goal.gripper, first, goal.holds, most)
     if not _keeps_energy(first, end):
-        return False, first, first
+        return False, first, end
     change = max(shape_change(previous, first), shape_change(first, end))
     return (change <= max(_DISCONTINUITY_OFF, _EVENLY * shape_change(previous, end)), first, end)
 

@@ -222,14 +222,14 @@ class Memory(Value):
                        points=later.points.as_before())
 
     def halved(self, s: Floats) -> Memory:
-        """Return its contacts alone where each element is halved, `s` (2 N + 1,), before its step.
+        """Return its forces alone where each element is halved, `s` (2 N + 1,), before its step.
 
         For an elastic DLO.
         """
         force = np.zeros((len(self.node_force), s.size))
         force[:, ::2] = self.node_force
         past = Memory.__new__(Memory)  # nobody else has its arrays
-        put(past, s=s, plastic=np.zeros((s.size - 1, 0)), dissipated=0.0, hold=_NO_NUMBER,
+        put(past, s=s, plastic=np.zeros((s.size - 1, 0)), dissipated=0.0, hold=self.hold,
             node_force=force, points=self.points.as_before().on(self.s, s), positions=NOWHERE,
             tangents=NOWHERE, of=self.of,
             set_error=self.set_error, hinge=self.hinge, original_set=None, strands=self.strands,

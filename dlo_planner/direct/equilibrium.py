@@ -8,7 +8,7 @@ Most searches are one compiled call (`minimize.solve`). All shapes of simulators
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -32,6 +32,7 @@ from dlo_planner.direct.search import (
     minimum_by,
 )
 from dlo_planner.direct.shape import (
+    LYING,
     NO_WRENCHES,
     SelfContact,
     Shape,
@@ -42,6 +43,7 @@ from dlo_planner.direct.shape import (
 from dlo_planner.energy.problem import Problem
 from dlo_planner.energy.terms import may_act
 from dlo_planner.minimize.convergence import CONVERGED, Minimum
+from dlo_planner.minimize.quasi_static import settling
 from dlo_planner.minimize.semismooth import correction
 from dlo_planner.minimize.solve import (
     Solution,
@@ -62,6 +64,7 @@ _GRIP_KEPT = 1e-9      # of the length: by how much a grip may be missed at the 
 _SLACK = 1e-3          # of the slack: the same, as the DLO pulls the tighter the less there is
 _GRIP_EXACT = 1e-4     # of the slack: what is aimed at
 _LEAST_SLACK = 1e-10   # of the length: slack that is looked at
+_WHOLE = 100           # Newton steps of a whole step, after its halves: it takes 30 at most
 _IN_VAIN = 30          # Newton steps towards what is out of reach
 
 
@@ -344,6 +347,40 @@ def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: F
     return np.inf if finer is None else moved_from(mesh, positions, finer, culled)
 
 
+class AlongWay(NamedTuple):
+    """The error of a Shape that depends on its way, as where it rubs: that of its mesh, and theirs.
+
+    Called, it returns their sum in m.
+    """
+
+    on_mesh: Callable[[], float]
+    ways: tuple[Callable[[], float], ...]  # of the parts of its step
+
+    def __call__(self) -> float:
+        """Return it."""
+        return self.on_mesh() + sum(way() for way in self.ways)
+
+
+def error_of_way(mesh: Discretization, gripper: Pose, positions: Floats, before: Pose,
+                 strains: Floats, past: Memory, holds: Holds) -> float:
+    """Return how far, in m, nodes are from where one step leads that was made in two halves.
+
+    Friction follows a way by steps of first order. So halves of a step are wrong by as much as they
+    are from the whole of it: what quarters would change is half of that, what eighths a quarter.
+    Infinite where the whole step leads nowhere.
+
+    Args:
+        mesh: on which the halves were made
+        gripper, positions, holds: where they ended, positions (N + 1, 3)
+        before, strains, past: gripper, strains (N, 3) and Memory from which they began
+    """
+    how = search_of(mesh, gripper, holds)
+    whole = equilibrium(mesh, gripper, strains, past, holds,
+                        how=how._replace(steps=min(how.steps, _WHOLE)),
+                        watch=UNWATCHED._replace(rotation=before.rotation))
+    return _largest(whole.positions - positions) if whole.converged else np.inf
+
+
 def halved(mesh: Discretization, gripper: Pose, strains: Floats, before: Memory,
            holds: Holds, culled: bool) -> Shape | None:
     """Return the equilibrium beside strains (N, 3) with every element halved; None without one."""
@@ -384,11 +421,25 @@ def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:
     """Return how far, in m, the nodes are from the true rod's, by one step with halved elements.
 
     About what `Shape.error_estimate` says, which makes all steps and proves what it finds. Infinite
-    where such a step tells nothing.
+    where such a step tells nothing. Few points roll to where they are nearest; those of a DLO that
+    lies on something exchange their forces, with others in between (`minimize.quasi_static`).
     """
-    if not shape.contacts or shape.holds or mesh.yields or not mesh.may_hang:
+    if not shape.contacts or mesh.yields or not mesh.may_hang or shape.state.feed is not None:
         return np.inf
     gripper, finer = shape.gripper, mesh.finer
-    system = finer.system(gripper.rotation, gripper.position, past.halved(finer.s))
-    return 4 / 3 * float(correction(system, np.array(shape.element_strains),
-                                    shape.positions - gripper.position))
+    strains, places = np.array(shape.element_strains), shape.positions - gripper.position
+    if len(shape.contacts) < LYING:
+        there = past.halved(finer.s)
+        system = finer.system(gripper.rotation, gripper.position, there, shape.holds)
+        return 4 / 3 * float(correction(system, strains, places))
+    before = shape.state.before or past
+    there = finer.past(before.under(past))
+    system = finer.system(gripper.rotation, gripper.position, there, shape.holds)
+    return 4 / 3 * float(settling(system, strains, places, _seen_from(gripper, there)))
+
+
+def _seen_from(gripper: Pose, past: Memory) -> Floats:
+    """Return (N + 1, 6) where nodes were, from a gripper, and their tangents; (0, 6) if new."""
+    if not len(past.positions):
+        return np.zeros((0, 6))
+    return np.hstack([past.positions - gripper.position, past.tangents])

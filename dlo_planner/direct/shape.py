@@ -626,7 +626,9 @@ class Shape(Pictured):
         for, and the mesh before foretold the error to leading order, it is the same on this mesh if
         both agree within a quarter. Where a DLO has yielded, at
         least the largest one of the steps that made its permanent set; of a set that a motion made
-        nothing is known here, see `Motion.error_estimate`.
+        nothing is known here, see `Motion.error_estimate`. Where a DLO lies on something, steps are
+        made in two halves, as friction depends on the way: by how much these are from the whole
+        step is added; that takes as long as the step.
         """
         history = self.state.history
         if history is not None and history.hinge >= 0.0:

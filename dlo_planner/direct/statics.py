@@ -263,8 +263,8 @@ def _strategies(mesh: Discretization, gripper: Pose, initial: Shape | None, how:
         gripper = Pose.from_rotation(gripper.position, initial.gripper.rotation)
     begin = moved(mesh, initial, strains, Grips(gripper, holds), past, culled)
     search = search_of(mesh, begin.gripper, holds)
-    if how.most < np.inf and len(initial.contacts) >= LYING:
-        search = search._replace(steps=_IN_PARTS)
+    if len(initial.contacts) >= LYING:
+        search = search._replace(steps=min(search.steps, _IN_PARTS))
     shape = equilibrium(mesh, begin.gripper, begin.strains, begin.memory, holds, method=how.method,
                         culled=culled, watch=watch, how=search)
     yield 'moved', shape if begin.clear else replace(shape, converged=False, jumped=True)

@@ -177,7 +177,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
     tried = False
     beside, saddle = np.empty_like(q), np.full_like(q, np.inf)
     seeks = bears(system.effects.contact.contacts)
-    on_a_way, flow = exact > _ON_A_WAY * length, np.array([0.0, 1.0])
+    on_a_way, flow = exact > _ON_A_WAY * length, np.array([0.0, 1.0, 0.0])
     if not (seeks or on_a_way):
         done, state, residual, stability, steps, kicks, violation = _free(
             system, q, tolerance, exact, min(_FALLING, max_iterations), check)
@@ -223,7 +223,7 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
                 falls = leave_saddle(loaded, state, mode, beside)
             if falls:
                 kicks, attempt, there, begin = kicks + 1, 0, loaded, beside.copy()
-                previous, flow = past, np.array([0.0, 1.0])
+                previous, flow = past, np.array([0.0, 1.0, 0.0])
             else:
                 set_reaction(hold, reaction)
         if steps >= max_iterations or attempt >= len(_ROUGH) or interrupted():
@@ -252,9 +252,10 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
         if not on_a_way:
             most = min(most, _MOST[attempt])
         there, begin, moves, previous = relax(there, begin, previous, attempt == _SLIDES, rough,
-                                              most, flow)
+                                              most, flow, farthest)
         steps, attempt, seeks = steps + moves, attempt + 1, True
-        if on_a_way:
+        kicks += flow[2] > farthest
+        if on_a_way or flow[2] > farthest:
             break
     state = new_configuration(there)
     copy(begin, state.q)

@@ -67,12 +67,13 @@ _AIM, _BAD = 0.3, 1.0  # wrong part of the gradient after a step: as it should b
 
 
 @kernel
-def relax(system, q, previous, follows, rough, most, flow):
+def relax(system, q, previous, follows, rough, most, flow, most_turn):
     """Return Problem with its contact forces, unknowns, steps, where the flow comes to rest.
 
     And the places (N + 1, 6) from which friction counts then, if it does. At rest the residual is
-    below `rough`, and no gap below -rough times the length; the flow also ends after `most` steps.
-    `flow` (2,) are shift and softness, here and where it ends.
+    below `rough`, and no gap below -rough times the length; the flow also ends after `most` steps,
+    and where all of them have turned nodes by more than `most_turn`, rad. `flow` (3,) are shift and
+    softness, here and where it ends, and by how much nodes have turned.
     Friction counts from where the DLO was before, or, if it `follows`, from each step of the flow:
     that is the answer of another way of loading, in which points slip, stick and slip again.
     """
@@ -99,7 +100,7 @@ def relax(system, q, previous, follows, rough, most, flow):
                                                         near, follows)
     shift, softness, steps, stands = flow[0], min(flow[1], softest), 0, False
     largest, cautious, worked = _MOST_SHIFT * least, False, np.zeros(1)
-    while steps < most and shift < largest:
+    while steps < most and shift < largest and flow[2] <= most_turn:
         if stands and residual < rough and deepest(table) < rough * length:
             break
         steps += 1
@@ -156,6 +157,7 @@ def relax(system, q, previous, follows, rough, most, flow):
         shift = shift if shift >= least else 0.0
         if error < _BAD:
             stands, near = used == 0.0 and part == 1.0, max(thin, 0.5 * near)
+            flow[2] += part * turn
             loaded, state, residual, table, previous = after, there, its_residual, its_table, later
         if factor < 1.0 or error >= _BAD:  # contacts that yield more again would go to and fro
             softness = min(max(softness, _STIFFEST) * factor, softest)

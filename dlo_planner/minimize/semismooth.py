@@ -401,11 +401,8 @@ def correction(system, strains, positions):
 
     Infinite where there is no such step. Friction is that of the Problem's contacts.
     """
-    twice, state = np.empty((2 * strains.shape[0], 3)), new_configuration(system)
-    for e in range(twice.shape[0]):
-        twice[e] = strains[e // 2]
-    unknowns_of(system, twice, state.q)
-    place(system, state)
+    state = new_configuration(system)
+    put_halved(system, strains, state)
     loaded = loaded_by_contacts(system, state, np.zeros((0, 6)), -np.inf, False, False)
     state, _, table, _ = kkt_residual(loaded, state.q)
     normal, shear = forces(table, state)
@@ -419,6 +416,22 @@ def correction(system, strains, positions):
         return np.inf
     state.q[:] += step
     place(loaded, state)
+    return farthest_of_halved(state, positions)
+
+
+@kernel
+def put_halved(system, strains, state):
+    """Fill what `place` does for strains (N, 3) of elements of which each is two of the system."""
+    twice = np.empty((2 * strains.shape[0], 3))
+    for e in range(twice.shape[0]):
+        twice[e] = strains[e // 2]
+    unknowns_of(system, twice, state.q)
+    place(system, state)
+
+
+@kernel
+def farthest_of_halved(state, positions):
+    """Return how far, in m, nodes are at most from where they were with twice as long elements."""
     farthest = 0.0
     for k in range(positions.shape[0]):
         away = 0.0

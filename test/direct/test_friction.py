@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Coulomb's law in every shape: where a tip lets go (the elastica), what sticks, what slides."""
 
+import pickle
 from functools import cache
 
 import numpy as np
@@ -11,8 +12,8 @@ from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation
 from sweeps.contact import DRAWN_ON, drawn, random_scene
 
-from dlo_planner import Box, Capsule, DirectSimulator, Plane, Pose, Rod
-from dlo_planner.direct.equilibrium import corrected_by
+from dlo_planner import Box, Capsule, DirectSimulator, FarEnd, Plane, Pose, Rod
+from dlo_planner.direct.equilibrium import AlongWay, corrected_by
 from dlo_planner.direct.sensitivity import Sensitivity
 
 THIN = 5e-4
@@ -243,6 +244,57 @@ def test_one_step_on_halved_elements_tells_what_all_steps_do_where_it_slides(wir
         slid.append(any(np.linalg.norm(contact.friction) > 0.299 * contact.force
                         for contact in shape.contacts))
     assert sum(slid) >= 3
+
+
+CABLE = Rod(1.0, 0.035, 1.2e-3, 9e-4, radius=0.0025)
+
+
+def errors_by_one_step(poses, ends=None):
+    """Return (n,) what one step on halved elements tells of lying Shapes, of what all steps do."""
+    direct = DirectSimulator(CABLE, basis='local', n_elements=64,
+                             obstacles=[Plane((0, 0, 0), (0, 0, 1), 0.3)])
+    shapes = direct.track(poses, far_ends=ends and [ends] * len(poses))
+    return np.array([corrected_by(shape.mesh, shape, shape.history) / error_of_mesh(shape)
+                     for shape in shapes if len(shape.contacts) > 4])
+
+
+def error_of_mesh(shape):
+    """Return the error of a Shape without that of its way, m."""
+    estimate = shape.state.estimate
+    return estimate.on_mesh() if isinstance(estimate, AlongWay) else estimate()
+
+
+def test_one_step_on_halved_elements_tells_what_all_steps_do_of_a_cable_that_is_drawn():
+    # what it was before the step decides which way its friction acts
+    down = [Pose((0, 0, z), (0, 0.17, 0, 0.985)) for z in np.linspace(0.2, 0.04, 9)]
+    drawn = [Pose((-0.02 * k, 0.02 * k, 0.04), (0, 0.17, 0, 0.985)) for k in range(1, 9)]
+    ratios = errors_by_one_step(down + drawn)
+    assert ratios.size >= 12
+    assert ratios.min() > 0.5 and ratios.max() < 2.0 and abs(np.median(ratios) - 1.0) < 0.1
+
+
+@pytest.mark.parametrize('way', [(-0.07, 0.07, 0.0), (0.0, 0.1, 0.0)], ids=['back', 'aside'])
+def test_a_long_step_that_rubs_says_how_far_shorter_ones_end_from_it(way):
+    direct = DirectSimulator(CABLE, basis='local', n_elements=64,
+                             obstacles=[Plane((0, 0, 0), (0, 0, 1), 0.3)])
+    attitude = (0, 0.17, 0, 0.985)
+    down = [Pose((0, 0, z), attitude) for z in np.linspace(0.2, 0.04, 9)]
+    lying = direct.track(down)[-1]
+    goals = [Pose((0, 0, 0.04) + np.array(way) * part, attitude) for part in (1, *np.arange(
+        1, 33) / 32)]
+    long = direct.solve(goals[0], lying)
+    shorter = direct.track(goals[1:], initial=lying)[-1]
+    away = np.linalg.norm(long.positions - shorter.positions, axis=1).max()
+    assert long.converged and not (long.jumped or shorter.jumped)
+    assert 3e-4 < away < long.error_estimate < 4.0 * away
+    assert pickle.loads(pickle.dumps(long)).error_estimate == long.error_estimate
+
+
+def test_one_step_on_halved_elements_tells_what_all_steps_do_of_a_cable_in_two_grips():
+    down = [Pose.looking_along((0, 0, z), (0.94, 0, -0.34)) for z in np.linspace(0.45, 0.25, 8)]
+    ratios = errors_by_one_step(down, FarEnd(Pose((0.8, 0, 0.03), LEVEL)))
+    assert ratios.size >= 4
+    assert ratios.min() > 0.5 and ratios.max() < 2.0 and abs(np.median(ratios) - 1.0) < 0.1
 
 
 @pytest.mark.parametrize('height', [0.12, 0.1, 0.08])
