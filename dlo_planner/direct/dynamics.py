@@ -39,7 +39,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import array, number, returned, vector
-from dlo_planner.model.holds import FarEnd, Hold, Holds, named, place_of
+from dlo_planner.model.holds import FarEnd, Hold, Holds, named, place_of, unreached
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import Surroundings
 from dlo_planner.progress import Progress, interrupted_by
@@ -91,6 +91,16 @@ def moving_mesh(known: Discretization) -> Discretization:
     finer = np.concatenate([np.linspace(one, other, n, endpoint=False) for one, other, n in
                             zip(s, s[1:], parts, strict=False)] + [s[-1:]])
     return Discretization(known.surroundings, finer, known.basis, known.n_terms)
+
+
+def colliding_mesh(known: Discretization) -> Discretization:
+    """Return a Discretization for motions among obstacles: as `known`, but no series.
+
+    One that suits a straight DLO knows no short waves, in which that buckles where it lands.
+    """
+    if not known.surroundings.obstacles or known.basis == 'local':
+        return known
+    return Discretization(known.surroundings, known.s, 'local', 0)
 
 
 def first_shape(discretization: Discretization, gripper: Pose, holds: Holds,
@@ -194,21 +204,25 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     of a second-order error, half of a first-order one (Richardson's extrapolation). Where that is
     not known, after `most` times that kernels have asked whether they are to end (which is work,
     not time), it is what doubling everything changes: for a quarter of the work of the motion, all
-    of a first-order error, thrice one of second order. Among obstacles, where it depends on when
-    something lands and slips, and is of no order, it is taken twice.
+    of a first-order error, thrice one of second order. Among obstacles it depends on when something
+    lands and slips, and is of no order: there the first is taken three times, of order one half it
+    were 3.4, and the second twice. Where neither could follow, or they are so far apart that
+    nothing foretells where the DLO goes, it is what holds for any two shapes in one gripper: twice
+    the length.
     """
     made = _Made(ends, positions, samples, _sizes(plan.steps))
     coarse = stepper.discretization
-    obstructed = bool(coarse.surroundings.obstacles)
+    obstructed, farthest = bool(coarse.surroundings.obstacles), 2.0 * float(coarse.s[-1])
+    most /= _DEAR if obstructed else 1.0
     found = np.full(len(ends), np.inf)
-    with suppress(_UsedUp), interrupted_by(_Allowance(most / (_DEAR if obstructed else 1.0))):
-        _compare(_finer(stepper, made.sizes), begun, plan, made, found)
-    found *= 4 / 3 if plan.integrator != 'paper' and not obstructed else 2.0
-    if np.isinf(found).any():
+    parted = _compare(_finer(stepper, made.sizes), begun, plan, made, found, most)
+    found *= _LANDING if obstructed else 2.0 if plan.integrator == 'paper' else 4 / 3
+    if np.isinf(found).any() and not parted:
         rough = np.full(len(ends), np.inf)
-        _compare(_coarser(stepper, made.sizes), begun, plan, made, rough)
+        _compare(_coarser(stepper, made.sizes), begun, plan, made, rough, _ROUGHLY * most)
         found = np.where(np.isinf(found), 2.0 * rough if obstructed else rough, found)
-    errors: Floats = np.maximum.accumulate(found) + 1e-15 * coarse.s.size * coarse.s[-1]
+    errors: Floats = np.maximum.accumulate(np.minimum(found, farthest))
+    errors += 1e-15 * coarse.s.size * coarse.s[-1]
     return errors
 
 
@@ -276,6 +290,12 @@ def _every_other(mesh: Discretization, holds: Holds, more: ArrayLike = ()) -> In
 
 # times as long it takes on average, among obstacles, until a kernel or a call of one asks
 _DEAR = 4.0
+# times what halving everything changes, among obstacles: the error, of an order below one
+_LANDING = 3.0
+# times as much work as the finer motion may take the coarser one, which has to come to the end
+_ROUGHLY = 8.0
+# of the length: motions that are so far apart tell nothing of each other any more
+_PARTED = 0.25
 
 
 class _UsedUp(Exception):
@@ -296,8 +316,20 @@ class _Allowance:
 
 
 def _compare(other: _Other, begun: InitialConditions, plan: IntegrationOptions, made: _Made,
-             found: Floats) -> None:
-    """Fill the largest distances `found` (n,) from another motion, m, as far as that goes."""
+             found: Floats, most: float) -> bool:
+    """Fill the largest distances `found` (n,) from another motion, m, as far as that goes.
+
+    With `most` times that kernels ask whether they are to end. Return whether it has ended since
+    both have parted.
+    """
+    with suppress(_UsedUp), interrupted_by(_Allowance(most)):
+        return _followed(other, begun, plan, made, found)
+    return False
+
+
+def _followed(other: _Other, begun: InitialConditions, plan: IntegrationOptions, made: _Made,
+              found: Floats) -> bool:
+    """Do what `_compare` does, without an end."""
     stepper, start = other.stepper, begun.start
     mesh, ends = stepper.discretization, np.cumsum(made.sizes)
     velocity = begun.velocity
@@ -317,7 +349,7 @@ def _compare(other: _Other, begun: InitialConditions, plan: IntegrationOptions, 
             if not made_here:
                 batch, count = _otherwise(stepper, now, size, left, scheme)
             if not count:
-                return
+                return False
             reached = reached[:count] if made_here else reached[count - 1:count]
             of = np.searchsorted(ends, reached)  # the steps that end there
             both = ends[of] == reached
@@ -329,9 +361,12 @@ def _compare(other: _Other, begun: InitialConditions, plan: IntegrationOptions, 
                                           made.positions[k][other.here]))
                 found[known:k + 1], known = worst, k + 1
             now, at, left = batch.last, int(reached[-1]), left - count
+            if worst > _PARTED * mesh.s[-1]:
+                return True
     if now.place == made.ends[-1]:  # of one that ended early, between two instants
         found[known:] = max(worst, _apart(now.positions[other.there],
                                           made.positions[-1][other.here]))
+    return False
 
 
 def _otherwise(stepper: Stepper, now: TimePoint, size: int, left: int,
@@ -400,6 +435,7 @@ def _at_rest_on(shape: Shape, mesh: Discretization,
 
 _LOOKS = 4           # places between two instants where the grips are looked at
 _CLOSE = 3           # halvings of a step that leads a grip into an obstacle, until it is the end
+_TAUT = 1.0          # instants before grips are out of reach: there a DLO may be too taut
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
 _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
@@ -442,6 +478,7 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
     """Return the Run that begins with the TimePoint `first`."""
     control, reached = _StepControl(stepper, first, plan), [first]
     blocked, why = _blocked(stepper, plan.instants)
+    taut, too_far = _out_of_reach(stepper, plan.instants)
     while len(reached) < plan.instants:
         batch = control.advance(progress)
         progress.check()
@@ -452,6 +489,8 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
         if after is None:
             continue
         led_in = after.place >= blocked and control.level >= _CLOSE
+        if control.stuck and after.place > taut - _TAUT:  # what is nearly taut may end before
+            led_in, why = True, too_far
         if control.stuck or led_in:
             status = ('blocked' if led_in else 'energy' if after.row.converged else 'unsolved')
             end = replace(after, given=replace(after.shape, converged=False))
@@ -484,6 +523,7 @@ class _StepControl:
         self._past = [(-dt, place - dt * speed + 0.5 * dt**2 * acceleration)
                       for dt in (2 * stepper.dt, stepper.dt)]
         self._at = self._level = self._calm = 0  # time in the shortest steps; halvings; steps
+        self._failed: tuple[int, set[int]] = -1, set()  # a time, halvings of steps tried from there
         self._steps: list[int] = []
         self._errors: list[float] = []
         self._samples: list[Floats] = []
@@ -538,9 +578,14 @@ class _StepControl:
         ends elsewhere, may be found by many.
         """
         left = (1 << HALVINGS) - self._at % (1 << HALVINGS)  # until the next instant
+        if self._failed[0] != self._at:
+            self._failed = self._at, set()
         for level in range(min(self._level, HALVINGS - 1), -1, -1):
             if 1 << (HALVINGS - level) > left:
                 break
+            if level in self._failed[1]:
+                continue
+            self._failed[1].add(level)
             progress.check()
             longer = self._steps_of(level, True, 1)
             if len(longer.errors):
@@ -557,9 +602,10 @@ class _StepControl:
             if credit_renewal(budget, fresh.balance, self._began, self._noise):
                 now = fresh
         error = np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance
-        damps, reach = level >= _DAMPING, 0.0
+        damps, reach = level >= _DAMPING or most == 1, 0.0  # (one is made where shorter ones fail)
         if damps:
-            reach = np.inf if most == 1 or level >= self._short else plan.tolerance
+            reach = (np.inf if level >= _DAMPING and (most == 1 or level >= self._short)
+                     else plan.tolerance)
         limits = Acceptance(
             MAX_ITERATIONS if patient else _PATIENCE, error, _BEARING * error, reach, _GAIN,
             np.inf if self._fixed else self._noise, budget, self._began, damps)
@@ -626,6 +672,18 @@ def _blocked(stepper: Stepper, instants: int) -> tuple[float, str]:
                          f'obstacle, until the end by up to {depths.max():.3g} m: no shape of the '
                          'DLO can follow')
     return first
+
+
+def _out_of_reach(stepper: Stepper, instants: int) -> tuple[float, str]:
+    """Return where grips are first out of reach of each other, infinity if never; and in words."""
+    mesh, kinds = stepper.discretization, stepper.grips.kinds
+    for place in np.arange((instants - 1) * _LOOKS + 1) / _LOOKS if kinds else ():
+        gripper, holds = stepper.grips.at(float(place))
+        too_far = unreached(holds, gripper, float(mesh.s[-1]), mesh.loaded)
+        if too_far:
+            return float(place), (f'out of reach: at {place * stepper.dt:.6g} s {too_far}: no '
+                                  'shape of the DLO can follow')
+    return np.inf, ''
 
 
 def _motion(stepper: Stepper, made: Run, tolerance: float,

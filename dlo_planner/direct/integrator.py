@@ -109,6 +109,7 @@ class StepOptions(Record):
 
     tolerance: float  # largest residual at the end of a search
     rounding: float   # what rounding errors may leave of it
+    blurred: float    # the same as `tolerance` among obstacles, where Newton's decrement is judged
     ctol: float       # m, by how much a constraint may be violated: what is aimed at,
     kept: float       # and what still counts
     maxiter: int      # Newton steps at most
@@ -163,7 +164,7 @@ class StepBuffer(Record):
     starts: Ints          # (2, r + 1) where points and contacts of each row begin in what follows
     point_of: Ints        # (c, 2) element and obstacle; (c, 14) multiplier, fraction, anchor
     points: Floats        # (world), normal, shear, slid: as of `ContactPoints` after the step
-    contact_of: Ints      # (c, 2) obstacle and element; (c, 12) what else `contact_rows` returns
+    contact_of: Ints      # (c, 2) obstacle and element; (c, 15) what else `contact_rows` returns
     contacts: Floats
     stopped: Bools        # (2,) after the last good step: no room for its contacts; something acts
 
@@ -566,8 +567,9 @@ def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
             return state, residual, stability, iterations, problem, missed
         _take_back(problem.effects.hold, buffer, memory)
     state, residual, stability, iterations, _, loaded, violation = obstructed_minimum(
-        problem, q, options.tolerance, options.ctol, options.maxiter, check,
+        problem, q, options.blurred, options.ctol, options.maxiter, check,
         buffer.nodes[0, memory], buffer.frames[memory, :, :, 0])
+    residual = _or_decrement(loaded, state, residual)
     return state, residual, stability, iterations, loaded, violation
 
 
@@ -598,14 +600,21 @@ def _unobstructed(problem, how, q, buffer, row, memory, options, check):
                 problem, q, thorough(tolerance, options.ctol, options.maxiter, check,
                                      attempt == 0 and not held), work)
             iterations += more
-            if SETTLED <= residual < np.inf:
-                decrement = decrement_of(problem, state)
-                residual = decrement if decrement < SETTLED else residual
+            residual = _or_decrement(problem, state, residual)
             if residual < SETTLED:
                 break
     if stability == np.inf and yields(problem.effects.plastic):
         stability = _smallest_eigenvalue(problem, state)
     return state, residual, stability, iterations, problem, missed
+
+
+@kernel
+def _or_decrement(problem, state, residual):
+    """Return a residual, or the decrement where that tells that no more is left to go."""
+    if SETTLED <= residual < np.inf:
+        decrement = decrement_of(problem, state)
+        residual = decrement if decrement < SETTLED else residual
+    return residual
 
 
 @kernel
@@ -694,11 +703,14 @@ def account(system, how, outer, buffer, row, options):
                              + _strand_energy(system.effects.strands, system, buffer, row))
     energies[row, KINETIC] = _kinetic(how, nodes, row)
     energies[row, WORK] = energies[row - 1, WORK] + _work(how, buffer, row, options)
-    damped = _damping_work(system, how, nodes, bends, row)
-    energies[row, DAMPED] = energies[row - 1, DAMPED] + damped
     rubbed, pushed = _contact_work(system, buffer, row)
     energies[row, FRICTION_LOSS] = energies[row - 1, FRICTION_LOSS] + rubbed
     energies[row, CONTACT_WORK] = energies[row - 1, CONTACT_WORK] + pushed
+    energies[row, DAMPED] = energies[row - 1, DAMPED]
+    damped = _damping_work(system, how, nodes, bends, row)
+    if how.gamma > outer.gamma:
+        damped = min(damped, max(0.0, _balance(energies[row - 1]) - _balance(energies[row])))
+    energies[row, DAMPED] += damped
     buffer.proofs[row, 2] = outer.third * third_difference(buffer.times, nodes[0], row)
 
 
@@ -807,18 +819,26 @@ def _contact_work(system, buffer, row):
     """Return the work done against friction in the step to a row, and that which contacts do, J.
 
     A force across the end of a chord has a part along it, where the DLO slides on a convex
-    obstacle: work of first order, and none in truth. An impact's force takes energy.
+    obstacle: work of first order, and none in truth. An impact's force takes energy. The normal
+    force acts beside the axis, on an edge that stays where it is as the section tilts about it.
     """
     rubbed = pushed = 0.0
-    rotation, before = np.empty((3, 3)), np.empty(3)
+    rotation, before, turned, place = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty(3)
     for a in range(buffer.starts[1, row], buffer.starts[1, row + 1]):
         contact, e = buffer.contacts[a], buffer.contact_of[a, 1]
         point_inside(system.lengths, buffer.bends[0, row - 1], buffer.frames[row - 1],
                      buffer.nodes[0, row - 1], e, contact[0] / system.lengths[e], rotation, before)
+        point_inside(system.lengths, buffer.bends[0, row], buffer.frames[row], buffer.nodes[0, row],
+                     e, contact[0] / system.lengths[e], turned, place)
         for i in range(3):
-            moved = buffer.origins[row, i] + contact[1 + i] - before[i]
-            pushed += contact[7] * contact[4 + i] * moved
+            moved = place[i] - before[i]
             rubbed -= contact[8 + i] * moved
+            for k in range(3):
+                arm = 0.0  # in the section
+                for j in range(3):
+                    arm += turned[j, k] * contact[12 + j]
+                moved += (turned[i, k] - rotation[i, k]) * arm
+            pushed += contact[7] * contact[4 + i] * moved
     return rubbed, max(0.0, pushed)
 
 

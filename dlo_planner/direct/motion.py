@@ -73,7 +73,8 @@ class Motion(Filmed):
     status : str
         'complete'; 'unsolved': a step could not be solved; 'energy': a step gained energy, however
         short it was made; 'blocked': the gripper, or what else holds the DLO, is led into an
-        obstacle, with the axis of the DLO, so that no shape can follow; 'self-passage': the motion
+        obstacle, with the axis of the DLO, or grips out of reach of each other, so that no shape
+        can follow; 'self-passage': the motion
         has come to its end, but on the way the DLO passed through itself (the shapes from there on
         say so).
     message : str
@@ -211,8 +212,10 @@ class Motion(Filmed):
         by steps twice as long, which takes about a quarter of the time of the motion, and tells
         less exactly: among obstacles it is twice that difference. `estimate_error` halves all.
         A motion that begins at rest does so there, too: the error of a given Shape at rest is part
-        of it. Infinite where neither run could follow; nan for a motion that does not know (from a
-        file, saved before it was read).
+        of it. Where neither run could follow, or they part by a quarter of the length, as where a
+        DLO may buckle to any side, it is twice the length: no shapes in one gripper are farther
+        apart. It is nan for a motion that does not know: from a file, saved before it was read, or
+        without a shape at time 0, as `message` says then.
         """
         return self._estimated(_AT_ONCE)
 

@@ -26,6 +26,7 @@ from dlo_planner.direct.dynamics import (
     InitialConditions,
     IntegrationOptions,
     Velocity,
+    colliding_mesh,
     first_shape,
     motion_tolerance,
     moving_mesh,
@@ -570,6 +571,7 @@ class DirectSimulator(Value):
             known = self._equilibrium(gripper, initial, holds)
             if known.state.mesh is not mesh or mesh.s.size <= _ENOUGH:
                 mesh = moving_mesh(known.state.made_on)
+            mesh = colliding_mesh(mesh)
         if initial is not None:
             return first_shape(mesh, gripper, holds, initial, self._history), mesh
         if self.accuracy is None:

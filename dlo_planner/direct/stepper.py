@@ -62,6 +62,7 @@ MOST = 64            # steps of a batch
 _POINTS = 24         # contacts a step for which there is room at first
 _ROUNDING = 1e-17    # of the residual, per inertia's strength relative to elasticity's
 _ROUGHEST = 1e-7
+_BLURRED = 1e-4
 _FOLLOWED = 0.2      # of the DLO's own time: shorter steps follow vibrations
 _AT_FIRST = 0.1      # of a step: it may be halved yet
 _BRIEF = 1e-1, 1e-3  # of a step, of the DLO's own time: how long it is watched
@@ -359,7 +360,7 @@ class Stepper:
                   np.array([shape.residual, shape.stability, 0.0, shape.violation]),
                   shape.iterations, shape.evaluations, energies, shape.converged, 0, False,
                   left.hold, left.plastic, left.node_force, *left.points,
-                  np.zeros((count, 2), dtype=np.int64), np.zeros((count, 12)))
+                  np.zeros((count, 2), dtype=np.int64), np.zeros((count, 15)))
         shape = replace(shape, state=replace(shape.state, estimate=_NOT_ESTIMATED))
         now = TimePoint(0.0, row, self, not count and left.idle,
                         self.coefficients(Scheme('paper', 1.0)), left, shape)
@@ -435,8 +436,11 @@ class Stepper:
 
     def rounding(self, scheme: Scheme) -> float:
         """Return how large a residual rounding errors may leave."""
-        strength = self.coefficients(scheme).stiffness
-        return min(_ROUNDING * strength * float(self.own_time**2), _ROUGHEST)
+        return min(self._rounding(scheme), _ROUGHEST)
+
+    def _rounding(self, scheme: Scheme) -> float:
+        """Return the same, whether such a residual tells anything or not."""
+        return _ROUNDING * self.coefficients(scheme).stiffness * float(self.own_time**2)
 
     def coefficients(self, scheme: Scheme, damping: Any = None) -> SchemeCoefficients:
         """Return the coefficients of a Scheme; `damping` if it is not the rod's."""
@@ -447,9 +451,11 @@ class Stepper:
         return known
 
     def _options(self, scheme: Scheme, limits: Acceptance, exact: float = EXACT) -> StepOptions:
-        mesh, rounding = self.discretization, self.rounding(scheme)
+        mesh, left = self.discretization, self._rounding(scheme)
+        rounding = min(left, _ROUGHEST)
         return StepOptions(
-            TOLERANCE + rounding, rounding, float(exact * mesh.s[-1]), float(KEPT * mesh.s[-1]),
+            TOLERANCE + rounding, rounding, TOLERANCE + min(left, _BLURRED),
+            float(exact * mesh.s[-1]), float(KEPT * mesh.s[-1]),
             limits.patience, self.nearby,
             mesh.held_spring if self.grips.kinds else mesh.spring, *self._held,
             float(limits.error), float(limits.bearing), float(limits.reach), limits.part,

@@ -404,10 +404,11 @@ def _contacts_after(contact: Any, system: Problem, state: Configuration, origin:
 
 @kernel
 def contact_rows(system: Problem, state: Configuration, table: Touching) -> Any:
-    """Return of A contacts (A, 2) obstacle and element; (A, 12) what else there is of them.
+    """Return of A contacts (A, 2) obstacle and element; (A, 15) what else there is of them.
 
-    That is m along the element, place, normal, force, friction, gap. Places are relative to the
-    gripper; friction is that on the DLO. A node and a point that has rolled to it are one.
+    That is m along the element, place, normal, force, friction, gap, arm. Places are relative to
+    the gripper; friction is that on the DLO; the arm goes from its axis to what bears beside it, m.
+    A node and a point that has rolled to it are one.
     """
     scene, lengths = system.effects.contact.scene, system.lengths
     count = table.gap.size
@@ -436,7 +437,7 @@ def contact_rows(system: Problem, state: Configuration, table: Touching) -> Any:
                 kept[other] = False
                 if other == a:
                     break
-    of, rows, found = np.empty((count, 2), dtype=np.int64), np.empty((count, 12)), 0
+    of, rows, found = np.empty((count, 2), dtype=np.int64), np.empty((count, 15)), 0
     for a in range(count):
         if not kept[a]:
             continue
@@ -444,7 +445,8 @@ def contact_rows(system: Problem, state: Configuration, table: Touching) -> Any:
         row = rows[found]
         row[0], row[7], row[11] = along[a], force[a], table.gap[a]
         for i in range(3):
-            row[1 + i], row[4 + i], row[8 + i] = places[a, i], table.normal[a, i], friction[a, i]
+            row[1 + i], row[4 + i] = places[a, i], table.normal[a, i]
+            row[8 + i], row[12 + i] = friction[a, i], table.arm[a, i]
         found += 1
     return of[:found], rows[:found]
 
