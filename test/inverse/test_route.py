@@ -167,6 +167,22 @@ def test_a_fitting_that_lets_go_is_named():
     assert refused.value.constraint == 'retains' and refused.value.plan.fraction < 1
 
 
+def test_a_fitting_is_pressed_no_harder_than_it_bears(monkeypatch):
+    def pushes(plan):
+        return max(wrench[:3] @ CLIP.outwards for shape in plan.shapes
+                   for hold, wrench in zip(shape.holds, shape.wrenches, strict=True)
+                   if hold.by == 'clip 1')
+    firmly = replace(CLIP, push=0.5)
+    freely = pushes(planned(Route([firmly], far_end=PLUG)))
+    careful = replace(firmly, bears=0.5 + 0.3 * (freely - 0.5))
+    assert 0.5 <= pushes(planned(Route([careful], far_end=PLUG))) <= careful.bears < freely
+    monkeypatch.setattr(_Routing, '_presses', lambda self, begin, fitting, *rest, press=(
+        _Routing._presses): press(self, begin, replace(fitting, bears=None), *rest))
+    with pytest.raises(Infeasible, match='is pressed into clip 1 with .* it bears') as refused:
+        planned(Route([careful], far_end=PLUG))
+    assert refused.value.constraint == 'bears' and refused.value.plan.fraction < 1
+
+
 STEEP = toward((0.647, 0, 0.543), (-0.647, 0, -0.443))
 SIZE = (6e-3, 0.016, 0.016)
 # two in a line: what presses into the first would lie on the prongs of the second

@@ -95,6 +95,9 @@ class Fitting(Value):
         Force at which the DLO snaps in, N, against the mouth.
     retains : float or None
         Largest force out of the mouth that it bears from then on, N, at waypoints. If None, any.
+    bears : float or None
+        Largest force into the seat that it bears, N, at waypoints: as the DLO is pressed in, and
+        from then on. No less than `push`. If None, any.
     room : float
         Largest distance of the DLO from the middle of the mouth on its way in, m.
     size : ndarray, shape (3,), or None
@@ -108,6 +111,7 @@ class Fitting(Value):
     room: float = 1e-3
     retains: float | None = None
     size: Floats | None = None
+    bears: float | None = None
 
     word: ClassVar[str] = 'fitting'
 
@@ -124,6 +128,8 @@ class Fitting(Value):
             room=number(f'{name}.room', self.room, above=0, unit='m'))
         if self.retains is not None:
             put(self, retains=number(f'{name}.retains', self.retains, minimum=0, unit='N'))
+        if self.bears is not None:
+            put(self, bears=number(f'{name}.bears', self.bears, minimum=self.push, unit='N'))
         if self.size is not None:
             put(self, size=row(f'{name}.size', self.size, least=3, most=3, above=0))
         super().__post_init__()
@@ -155,7 +161,7 @@ class Clip(Fitting):
     Attributes
     ----------
     pose : Pose
-        As of every fitting, like mouth, push, room, retains and size.
+        As of every fitting, like mouth, push, room, retains, size and bears.
     grip : str
         'aligned' (default): the DLO may turn about its tangent; 'clamped'; or 'pinned': about all.
     """
@@ -167,7 +173,8 @@ class Clip(Fitting):
     if TYPE_CHECKING:  # what may be given
         def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
                      room: float = 1e-3, retains: float | None = None,
-                     size: ArrayLike | None = None, grip: str = 'aligned') -> None: ...
+                     size: ArrayLike | None = None, bears: float | None = None,
+                     grip: str = 'aligned') -> None: ...
 
     def __post_init__(self) -> None:
         choice('Clip.grip', self.grip, ('aligned', 'clamped', 'pinned'))
@@ -181,7 +188,7 @@ class Fork(Fitting):
     Attributes
     ----------
     pose : Pose
-        As of every fitting, like mouth, push, room, retains and size.
+        As of every fitting, like mouth, push, room, retains, size and bears.
     slip : float
         Friction along the DLO, N, as of a Hold.
     grip : str
@@ -196,8 +203,8 @@ class Fork(Fitting):
     if TYPE_CHECKING:  # what may be given
         def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
                      room: float = 1e-3, retains: float | None = None,
-                     size: ArrayLike | None = None, slip: float = 0.0,
-                     grip: str = 'ring') -> None: ...
+                     size: ArrayLike | None = None, bears: float | None = None,
+                     slip: float = 0.0, grip: str = 'ring') -> None: ...
 
     def __post_init__(self) -> None:
         choice('Fork.grip', self.grip, ('ring', 'tube'))
@@ -214,8 +221,8 @@ class Peg(Fitting):
     Attributes
     ----------
     pose : Pose
-        As of every fitting, like mouth, push, room, retains and size: where the DLO bears on the
-        post.
+        As of every fitting, like mouth, push, room, retains, size and bears: where the DLO bears
+        on the post.
     friction : float
         Coulomb's coefficient.
     angle : float
@@ -233,7 +240,8 @@ class Peg(Fitting):
     if TYPE_CHECKING:  # what may be given
         def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
                      room: float = 1e-3, retains: float | None = None,
-                     size: ArrayLike | None = None, friction: float = 0.0, angle: float = 0.0,
+                     size: ArrayLike | None = None, bears: float | None = None,
+                     friction: float = 0.0, angle: float = 0.0,
                      tension: float = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
@@ -742,6 +750,7 @@ class _Routing:
         angle, beside, slack = first, 0.0, max(1 - size / s, _TAUTEST)
         pull = max(self._pull(begin, seat), self._least_pull(s) / _ABOUT)
         bowed = self._turn_down(begin, fitting, self._bow)
+        most = np.inf if fitting.bears is None else fitting.bears
         firm = min(_FIRM, _LESS_FIRM * begin.stability)
 
         def pressed(lower: float, side: float, wanted: float) -> tuple[Shape, float] | None:
@@ -774,7 +783,8 @@ class _Routing:
                 little = fitting.push and side == beside and pulls < (1 - _PULLED) * wanted
                 if not lifts and not little and (
                         not fitting.push or pulls < (1 + _PULLED) * wanted):
-                    good = there.stability > firm and self._leads_to(found[-1], there)
+                    good = (there.stability > firm and self._leads_to(found[-1], there)
+                            and self._push(there, fitting, name) <= most)
                     return (there, loose) if good else None
                 guess = loose * (_LOOSER if much else 1 / _LOOSER)
                 if known is not None and min(pulls, known[1]) > 0 and pulls != known[1]:
@@ -789,13 +799,13 @@ class _Routing:
                 loose = guess
             return None
 
-        swing = _SWING
+        swing, stronger = _SWING, _STRONGER
         while beside != aside or len(found) < 2 or fitting.push and (
                 self._push(found[-1], fitting, name) < fitting.push):
             self._context.progress.check()
             left = aside - beside
             by = min(swing, angle + _STEEPEST)
-            tries = [(angle - by, beside, pull), (angle, beside, _STRONGER * pull)]
+            tries = [(angle - by, beside, pull), (angle, beside, stronger * pull)]
             if left:  # what is bowed would come down on what stands ahead: it rises then
                 there = aside - float(np.sign(left)) * max(0.0, abs(left) - _SWING)
                 tries = [*((angle + rise, there, pull) for rise in (0.0, 0.5 * _SWING, _SWING)),
@@ -814,7 +824,9 @@ class _Routing:
                     swing *= 0.5  # something is in the way, or it would lift off
                     break
             else:
-                break
+                if most == np.inf or stronger < 1 + _PULLED:
+                    break
+                stronger = float(np.sqrt(stronger))  # it may press too hard
         return found
 
     def _leads_to(self, one: Shape, other: Shape) -> bool:
@@ -891,19 +903,21 @@ class _Routing:
         return 0.0
 
     def _added(self, plan: Plan, name: str) -> Shape:
-        """Add a stage in which no fitting loses the DLO; return its end."""
+        """Add a stage in which no fitting loses the DLO, or bears too much; return its end."""
         limits = dict(zip(self._names, self._task.fittings, strict=True))
         for index, shape in enumerate(plan.shapes):
             for hold in shape.holds:
                 held = limits.get(hold.by)
-                if held is None or held.retains is None:
+                if held is None:
                     continue
-                pulled = -self._push(shape, held, hold.by)
-                if pulled > held.retains:
-                    raise Infeasible(
-                        f'{name}: waypoint {index}: the DLO is drawn out of {hold.by} with '
-                        f'{pulled:.3g} N, it retains {held.retains:.3g} N', index, 'retains',
-                        pulled - held.retains, truncate(plan, index, PlanStatus.PARTIAL), 'N')
+                push = self._push(shape, held, hold.by)
+                for word, force, most, how in (('retains', -push, held.retains, 'drawn out of'),
+                                               ('bears', push, held.bears, 'pressed into')):
+                    if most is not None and force > most:
+                        raise Infeasible(
+                            f'{name}: waypoint {index}: the DLO is {how} {hold.by} with '
+                            f'{force:.3g} N, it {word} {most:.3g} N', index, word, force - most,
+                            truncate(plan, index, PlanStatus.PARTIAL), 'N')
         return self._stages.add(name, plan)
 
     # ---- refusals ---------------------------------------------------------------------------
