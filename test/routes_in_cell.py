@@ -61,6 +61,7 @@ UNKNOWN = Unknowns(0.02, 0.01, natural_curvature=np.array([0.02]), length=3e-4,
 LESS_KNOWN = replace(UNKNOWN, stiffness=0.2)
 FIRMLY = 1.5    # times the push of a fitting, with which it is planned to be pressed into
 BEARS = 4.0     # times its push: what a fitting bears
+LASTS = 5       # periods: a pull that lasts no longer is that of a cable that swings
 ON, MOST_ON = 5e-4, 6e-3  # m: steps in which a gripper presses on, and how far at most
 PLACED = 1e-4   # m, standard deviation of where a fitting is
 # in closed loop: s until the cable is still, and in which it is looked at; how often at most; how
@@ -126,6 +127,7 @@ class Run:
         self.seating = dict[int, Pose]()  # of a clip that snaps, by its number among them
         self.pulled = 0.0  # the largest force of the gripper, N
         self.most = np.inf  # N: the force of the gripper at which a fitting may bear what it can
+        self.strong = 0  # periods in which it is more
         self.overloaded: str | None = None  # why the gripper has stopped
         self.twist = np.zeros(6)  # by which poses are displaced from where they were planned
         self.missed = np.zeros(2)  # of the mouth before it, as far as it was seen, m
@@ -152,7 +154,10 @@ class Run:
                 else:
                     self.plant.put(self.first + 4 * k + 3)
         self.pulled = max(self.pulled, self.plant.pull)
-        if pressing is not None and pressing not in self.snapped and self.plant.pull > self.most:
+        strong = (pressing is not None and pressing not in self.snapped
+                  and self.plant.pull > self.most)
+        self.strong = self.strong + 1 if strong else 0
+        if self.strong > LASTS:
             self.overloaded = (f'the gripper pulls with {self.plant.pull:.3g} N: from '
                                f'{self.most:.3g} N on fitting {pressing + 1} may bear too much')
         return max(self.plant.forces.max(), self.plant.pull) < RAMMED
