@@ -61,6 +61,7 @@ UNKNOWN = Unknowns(0.02, 0.01, natural_curvature=np.array([0.02]), length=3e-4,
 LESS_KNOWN = replace(UNKNOWN, stiffness=0.2)
 FIRMLY = 1.5    # times the push of a fitting, with which it is planned to be pressed into
 BEARS = 4.0     # times its push: what a fitting bears
+LEAST_STEEP = 0.02  # rad: what is led more nearly level counts as that
 LASTS = 5       # periods: a pull that lasts no longer is that of a cable that swings
 ON, MOST_ON = 5e-4, 6e-3  # m: steps in which a gripper presses on, and how far at most
 PLACED = 1e-4   # m, standard deviation of where a fitting is
@@ -213,14 +214,17 @@ class Run:
     def bound(self, stage, k):
         """Bound the force of the gripper while it presses by what the fitting bears.
 
-        The force on the fitting is in proportion to it where the cable is nearly straight.
+        What it pulls more than planned draws the cable straight, and presses it down as steeply as
+        the gripper stands below the seat.
         """
-        at = stage.stops[0] if stage.stops else len(stage) - 1
-        push = next(wrench[:3] @ self.fittings[k].outwards for hold, wrench in zip(
+        at, fitting = stage.stops[0] if stage.stops else len(stage) - 1, self.fittings[k]
+        push = next(wrench[:3] @ fitting.outwards for hold, wrench in zip(
             stage.shapes[at].holds, stage.shapes[at].wrenches, strict=True)
-            if hold.by == f'{self.fittings[k].word} {k + 1}')
+            if hold.by == f'{fitting.word} {k + 1}')
+        way = fitting.pose.position - stage.grippers[at].position
+        steep = max(way @ fitting.outwards / np.linalg.norm(way), LEAST_STEEP)
         self.most = (np.linalg.norm(stage.wrenches[at, 0, :3])
-                     * BEARS * self.fittings[k].push / push)
+                     + (BEARS * fitting.push - push) / steep)
 
     def miss(self, k):
         """Return how far the cable is from the middle of a fitting, m."""
