@@ -750,7 +750,7 @@ class _Routing:
         angle, beside, slack = first, 0.0, max(1 - size / s, _TAUTEST)
         pull = max(self._pull(begin, seat), self._least_pull(s) / _ABOUT)
         bowed = self._turn_down(begin, fitting, self._bow)
-        most = np.inf if fitting.bears is None else fitting.bears
+        most, too_hard = np.inf if fitting.bears is None else fitting.bears, False
         firm = min(_FIRM, _LESS_FIRM * begin.stability)
 
         def pressed(lower: float, side: float, wanted: float) -> tuple[Shape, float] | None:
@@ -761,6 +761,8 @@ class _Routing:
                       * Rotation.from_rotvec((first - lower) * across)
                       * Rotation.from_rotvec(-level * bowed)).as_matrix()
             flat = np.cos(side) * ahead + np.sin(side) * across
+            nonlocal too_hard
+            too_hard = False
             loose, tight, wide = slack, 0.0, np.inf  # between the last two is what is wanted
             known: tuple[float, float] | None = None  # the last one, and its pull
             for _ in range(_PULLS):
@@ -783,8 +785,9 @@ class _Routing:
                 little = fitting.push and side == beside and pulls < (1 - _PULLED) * wanted
                 if not lifts and not little and (
                         not fitting.push or pulls < (1 + _PULLED) * wanted):
-                    good = (there.stability > firm and self._leads_to(found[-1], there)
-                            and self._push(there, fitting, name) <= most)
+                    too_hard = self._push(there, fitting, name) > most
+                    good = not too_hard and (
+                        there.stability > firm and self._leads_to(found[-1], there))
                     return (there, loose) if good else None
                 guess = loose * (_LOOSER if much else 1 / _LOOSER)
                 if known is not None and min(pulls, known[1]) > 0 and pulls != known[1]:
@@ -824,9 +827,9 @@ class _Routing:
                     swing *= 0.5  # something is in the way, or it would lift off
                     break
             else:
-                if most == np.inf or stronger < 1 + _PULLED:
+                if not too_hard or stronger < 1 + _PULLED:
                     break
-                stronger = float(np.sqrt(stronger))  # it may press too hard
+                stronger = float(np.sqrt(stronger))
         return found
 
     def _leads_to(self, one: Shape, other: Shape) -> bool:
