@@ -172,6 +172,8 @@ def test_a_fitting_is_pressed_no_harder_than_it_bears(monkeypatch):
         return max(wrench[:3] @ CLIP.outwards for shape in plan.shapes
                    for hold, wrench in zip(shape.holds, shape.wrenches, strict=True)
                    if hold.by == 'clip 1')
+    with pytest.raises(InvalidTask, match='Clip.bears = 0.05: expected no less than Clip.push'):
+        replace(CLIP, bears=0.05)
     firmly = replace(CLIP, push=0.5)
     freely = pushes(planned(Route([firmly], far_end=PLUG)))
     careful = replace(firmly, bears=0.5 + 0.3 * (freely - 0.5))

@@ -129,7 +129,10 @@ class Fitting(Value):
         if self.retains is not None:
             put(self, retains=number(f'{name}.retains', self.retains, minimum=0, unit='N'))
         if self.bears is not None:
-            put(self, bears=number(f'{name}.bears', self.bears, minimum=self.push, unit='N'))
+            put(self, bears=number(f'{name}.bears', self.bears, minimum=0, unit='N'))
+            if self.bears < self.push:
+                raise InvalidTask(f'{name}.bears = {self.bears:g}: expected no less than '
+                                  f'{name}.push = {self.push:g}')
         if self.size is not None:
             put(self, size=row(f'{name}.size', self.size, least=3, most=3, above=0))
         super().__post_init__()
