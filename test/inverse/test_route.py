@@ -244,7 +244,7 @@ def test_a_way_that_draws_the_dlo_taut_gives_way_to_one_nearer_to_what_holds_it(
     routing._context, routing._silent, routing._back = SimpleNamespace(rod=CABLE), None, []
     routing._bow, routing._pressed_by = 0.0, 0.0
     routing._simulator, routing._length = simulator(), CABLE.length
-    routing._added = lambda plan, name: plan
+    routing._added, routing._check_fittings = lambda plan, name: plan, lambda _: None
     goal = Pose.from_rotation(pivot + turned_by(0.5) @ (shape.gripper.position - pivot),
                               turned_by(0.5) @ shape.gripper.rotation)
     found = routing._way(shape, goal, 'approach')
@@ -271,7 +271,7 @@ def test_it_goes_back_no_farther_than_it_has_to(monkeypatch):
     routing._context, routing._silent, routing._back = SimpleNamespace(rod=CABLE), None, back
     routing._bow, routing._pressed_by = 0.0, 0.0
     routing._simulator, routing._length = simulator(), CABLE.length
-    routing._added = lambda plan, name: plan
+    routing._added, routing._check_fittings = lambda plan, name: plan, lambda _: None
     goal = Pose.from_rotation(pivot + turned_by(0.5) @ (shape.gripper.position - pivot),
                               turned_by(0.5) @ shape.gripper.rotation)
     assert routing._way(shape, goal, 'approach') is not None

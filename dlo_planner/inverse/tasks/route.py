@@ -661,6 +661,7 @@ class _Routing:
                 shape.gripper, *back, *self._poses(begin, shape.holds, goal, rise, nearer))]
             try:
                 plan = led(self._context, grips, self._silent, (), shape)
+                self._check_fittings(plan)
             except Infeasible as error:
                 if refused is None or (error.plan is not None and refused.plan is not None
                                        and error.plan.fraction > refused.plan.fraction):
@@ -910,6 +911,14 @@ class _Routing:
 
     def _added(self, plan: Plan, name: str) -> Shape:
         """Add a stage in which no fitting loses the DLO, or bears too much; return its end."""
+        try:
+            self._check_fittings(plan)
+        except Infeasible as error:
+            raise again(error, f'{name}: ') from None
+        return self._stages.add(name, plan)
+
+    def _check_fittings(self, plan: Plan) -> None:
+        """Raise Infeasible where a fitting loses the DLO, or bears too much."""
         limits = dict(zip(self._names, self._task.fittings, strict=True))
         for index, shape in enumerate(plan.shapes):
             for hold in shape.holds:
@@ -921,10 +930,9 @@ class _Routing:
                                                ('bears', push, held.bears, 'pressed into')):
                     if most is not None and force > most:
                         raise Infeasible(
-                            f'{name}: waypoint {index}: the DLO is {how} {hold.by} with '
+                            f'waypoint {index}: the DLO is {how} {hold.by} with '
                             f'{force:.3g} N, it {word} {most:.3g} N', index, word, force - most,
                             truncate(plan, index, PlanStatus.PARTIAL), 'N')
-        return self._stages.add(name, plan)
 
     # ---- refusals ---------------------------------------------------------------------------
 
