@@ -11,10 +11,11 @@ the cable rubs on them as Coulomb says, not with the friction that the planner t
 what lies in them when their floor bears their push. Where a fitting has snapped the gripper stops
 and turns back, as a robot does that feels it. Where the cable is a little longer than stated it
 does not snap at the planned pose: then the gripper goes on slowly, as it swung and away from the
-fitting, until it does, 6 mm at most, as a robot does that presses. A run is done when each fitting
-has snapped with the cable in it, the cable is in all of them at the end, and nothing was rammed: no
-fitting, nor the cable torn at by its gripper. The cable is led nearly taut, by a hand under
-impedance control (500 N/m) that is fed with the planned wrenches of the gripper.
+fitting, until it does, 6 mm at most, as a robot does that presses. It stops where it feels that it
+pulls so much more than planned that the fitting may bear more than it can. A run is done when each
+fitting has snapped with the cable in it, the cable is in all of them at the end, and nothing was
+rammed: no fitting, nor the cable torn at by its gripper. The cable is led nearly taut, by a hand
+under impedance control (500 N/m) that is fed with the planned wrenches of the gripper.
 """
 
 import sys
@@ -59,6 +60,9 @@ UNKNOWN = Unknowns(0.02, 0.01, natural_curvature=np.array([0.02]), length=3e-4,
                    gripper_position=2e-4, gripper_rotation=1e-3)
 LESS_KNOWN = replace(UNKNOWN, stiffness=0.2)
 FIRMLY = 1.5    # times the push of a fitting, with which it is planned to be pressed into
+BEARS = 4.0     # times its push: what a fitting bears
+LEAST_STEEP = 0.02  # rad: what is led more nearly level counts as that
+LASTS = 5       # periods: a pull that lasts no longer is that of a cable that swings
 ON, MOST_ON = 5e-4, 6e-3  # m: steps in which a gripper presses on, and how far at most
 PLACED = 1e-4   # m, standard deviation of where a fitting is
 # in closed loop: s until the cable is still, and in which it is looked at; how often at most; how
@@ -93,7 +97,8 @@ def planned(kind, seed):
     task = replace(task, fittings=[replace(one, grip='clamped') if isinstance(one, Clip) else one
                                    for one in task.fittings])
     plan = InverseSimulator(direct).plan(replace(task, fittings=[
-        replace(one, push=FIRMLY * one.push) for one in task.fittings]), start=start)
+        replace(one, push=FIRMLY * one.push, bears=BEARS * one.push)
+        for one in task.fittings]), start=start)
     return direct, task, plan, [Trajectory(stage, LIMITS, tolerance=np.inf)
                                 for stage in plan.stage_plans]
 
@@ -122,6 +127,9 @@ class Run:
         self.snapped, self.pressed = dict[int, float](), dict[int, float]()
         self.seating = dict[int, Pose]()  # of a clip that snaps, by its number among them
         self.pulled = 0.0  # the largest force of the gripper, N
+        self.most = np.inf  # N: the force of the gripper at which a fitting may bear what it can
+        self.strong = 0  # periods in which it is more
+        self.overloaded: str | None = None  # why the gripper has stopped
         self.twist = np.zeros(6)  # by which poses are displaced from where they were planned
         self.missed = np.zeros(2)  # of the mouth before it, as far as it was seen, m
         self.entry = list[np.ndarray]()  # twists at the waypoints from there on
@@ -147,6 +155,12 @@ class Run:
                 else:
                     self.plant.put(self.first + 4 * k + 3)
         self.pulled = max(self.pulled, self.plant.pull)
+        strong = (pressing is not None and pressing not in self.snapped
+                  and self.plant.pull > self.most)
+        self.strong = self.strong + 1 if strong else 0
+        if self.strong > LASTS:
+            self.overloaded = (f'the gripper pulls with {self.plant.pull:.3g} N: from '
+                               f'{self.most:.3g} N on fitting {pressing + 1} may bear too much')
         return max(self.plant.forces.max(), self.plant.pull) < RAMMED
 
     def look(self, stage, fitting):
@@ -191,11 +205,26 @@ class Run:
         lead(end, top, resting, pressing, 50)
         there = top
         for on in range(1, round(MOST_ON / ON) + 1):
-            if k in self.snapped:
+            if k in self.snapped or self.overloaded:
                 break
             here, there = there, Pose(top.position + on * way, top.quaternion)
             lead(here, there, pressing, pressing, 10)
         lead(there, end, pressing, resting, 50)
+
+    def bound(self, stage, k):
+        """Bound the force of the gripper while it presses by what the fitting bears.
+
+        What it pulls more than planned draws the cable straight, and presses it down as steeply as
+        the gripper stands below the seat.
+        """
+        at, fitting = stage.stops[0] if stage.stops else len(stage) - 1, self.fittings[k]
+        push = next(wrench[:3] @ fitting.outwards for hold, wrench in zip(
+            stage.shapes[at].holds, stage.shapes[at].wrenches, strict=True)
+            if hold.by == f'{fitting.word} {k + 1}')
+        way = fitting.pose.position - stage.grippers[at].position
+        steep = max(way @ fitting.outwards / np.linalg.norm(way), LEAST_STEEP)
+        self.most = (np.linalg.norm(stage.wrenches[at, 0, :3])
+                     + (BEARS * fitting.push - push) / steep)
 
     def miss(self, k):
         """Return how far the cable is from the middle of a fitting, m."""
@@ -218,7 +247,9 @@ def executed(direct, task, plan, motions, seed, looks=False, **unknown):
             stage.stops and k is not None) else 0
         stands = int(np.searchsorted(reached, stage.times[stage.stops[0]])) if (
             looks and name.startswith('enter')) else -1
-        i, moved = 0, run.twist
+        i, moved, run.most = 0, run.twist, np.inf
+        if k is not None:
+            run.bound(stage, k)
         while i < len(poses):
             if k is not None:  # the prongs hold it: as it presses it is as planned again
                 run.twist = max(0.0, 1 - i * PERIOD / FADES) * moved
@@ -230,6 +261,8 @@ def executed(direct, task, plan, motions, seed, looks=False, **unknown):
                                       for one in np.transpose(run.entry)])
             if not run.move(poses[i], wrenches[i], k):
                 return {'rammed': float(run.plant.forces.max()), 'pulled': run.pulled, 'at': name}
+            if run.overloaded:
+                return {'stopped': run.overloaded, 'at': name}
             i += 1
             if i < back and k in run.snapped:  # enough: it stops, and turns round
                 away = [np.linalg.norm(one.position - poses[i - 1].position)
@@ -243,6 +276,8 @@ def executed(direct, task, plan, motions, seed, looks=False, **unknown):
         if k is not None and k not in run.snapped:
             run.press_on(stage, k)
             pressed_on += 1
+        if run.overloaded:
+            return {'stopped': run.overloaded, 'at': name}
         if k is not None and k not in run.snapped:
             return {'did not snap': k + 1, 'bore at most': run.pressed.get(k, 0.0),
                     'snaps at': task.fittings[k].push, 'misses': run.miss(k)}

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from math import comb, factorial
 
 import numpy as np
-from scipy.interpolate import BSpline, PPoly
+from scipy.interpolate import BPoly, BSpline, PPoly
 
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import results
@@ -112,15 +112,19 @@ class TimeLaw(Value):
         """Return the law with the rates before smoothing divided by `factor`, without a shift."""
         return TimeLaw(self.parameters, self.rates / factor, self.windows)
 
-    @property
-    def bounds(self) -> Floats:
-        """(2,) bounds of the sizes of u'' and u''' at all times."""
-        most = np.abs(np.diff(self.rates) / self.steps).max()
-        rate, (width, *others) = self.rates.max(), np.sort(self.windows)[::-1]
-        # the derivative of an average over a window w is the difference across it, divided by w;
-        # rates lie between 0 and `rate`, their derivatives between -`most` and `most`
-        jerk = min([2 * most, *(2 * rate / other for other in others[:1])]) / width
-        return np.array([min(most, rate / width), jerk])
+    def bounds(self, a: Floats, b: Floats) -> Floats:
+        """Return (2, n) bounds of the sizes of u'' and u''' between times a and b (n,), s, a < b.
+
+        A polynomial lies between its coefficients by Bernstein; where u is uneven they are large in
+        few places, and what is far from there need not be slower.
+        """
+        pieces = self._progress.x.size - 1
+        first = np.clip(np.searchsorted(self._progress.x, a, side='right') - 1, 0, pieces - 1)
+        after = np.maximum(np.searchsorted(self._progress.x, b), first + 1).clip(max=pieces)
+        ranges = np.stack([first, after], axis=1).ravel()
+        sizes = (np.abs(BPoly.from_power_basis(self._progress.derivative(order)).c).max(axis=0)
+                 for order in (2, 3))
+        return np.stack([np.maximum.reduceat(np.append(size, 0.0), ranges)[::2] for size in sizes])
 
     @property
     def steps(self) -> Floats:

@@ -54,7 +54,7 @@ def _most_used(leg: Leg, law: TimeLaw, limits: Limits,
         ends = law.at(np.append(a, b))
         used = _sizes(leg, ends) / most[:2]
         largest = max(largest, (used**power).max())
-        slopes = _slopes(_bounds(leg, law, ends, 0.5 * (b - a)))
+        slopes = _slopes(_bounds(leg, law, ends, a, b))
         bound = ((used.reshape(2, -1, 2, 2).mean(axis=0) + 0.5 * (b - a)[:, None, None]
                   * slopes / most[:2]) ** power).max(axis=(1, 2))
         wide = bound > (1 + _TIGHT) * largest
@@ -71,7 +71,7 @@ def _largest_jerk(leg: Leg, law: TimeLaw, a: Floats, b: Floats, most: Floats) ->
     shares = np.linspace(0, 1, _PARTS + 1)
     edges = a[:, None] + (b - a)[:, None] * shares
     a, b = edges[:, :-1].ravel(), edges[:, 1:].ravel()
-    return float((_jerks(_bounds(leg, law, law.at(np.append(a, b)), 0.5 * (b - a))) / most).max())
+    return float((_jerks(_bounds(leg, law, law.at(np.append(a, b)), a, b)) / most).max())
 
 
 def _sizes(leg: Leg, at: Floats) -> Floats:
@@ -89,15 +89,15 @@ class _Bounds(NamedTuple):
     leg: Floats  # (n, 2, 3) of the leg's derivatives by u, linear and angular, first to third
     rate: Floats  # (n,) of u'
     change: Floats  # (n,) of u''
-    jerk: float  # of u'''
+    jerk: Floats  # (n,) of u'''
 
 
-def _bounds(leg: Leg, law: TimeLaw, ends: Floats, half: Floats) -> _Bounds:
-    """Return the _Bounds between n pairs of times; ends (4, 2 n), half (n,)."""
-    change, jerk = law.bounds
+def _bounds(leg: Leg, law: TimeLaw, ends: Floats, a: Floats, b: Floats) -> _Bounds:
+    """Return the _Bounds between times a and b (n,); ends (4, 2 n): of the law at a, then at b."""
+    (change, jerk), half = law.bounds(a, b), 0.5 * (b - a)
     sizes = np.abs(ends).reshape(4, 2, -1).max(axis=1)
     return _Bounds(leg.bounds(*np.split(ends[0], 2)), sizes[1] + half * change,
-                   sizes[2] + half * jerk, jerk)
+                   np.minimum(sizes[2] + half * jerk, change), jerk)
 
 
 def _slopes(bounds: _Bounds) -> Floats:
@@ -111,7 +111,7 @@ def _jerks(bounds: _Bounds) -> Floats:
     """Return (n, 2): bounds of the linear and angular jerk between the times."""
     first, second, third = np.moveaxis(bounds.leg, 2, 0)
     rate, change = bounds.rate[:, None], bounds.change[:, None]
-    result: Floats = bounds.jerk * first + 3 * rate * change * second + rate**3 * third
+    result: Floats = bounds.jerk[:, None] * first + 3 * rate * change * second + rate**3 * third
     return result
 
 

@@ -183,7 +183,9 @@ def test_a_correction_begins_where_nothing_was_told_yet(late):
         corrected_trajectory = replace(CorrectedTrajectory(WAY, np.array([0.8, 0.7, 0.1])),
                           changes=(Change(execution.free, np.zeros(1), moved),))
         line.began, line.way = execution.free, corrected_trajectory
-        line.execution = replace(execution, way=corrected_trajectory)
+        # motions are made for less than the limits, corrections have the rest
+        line.execution = replace(execution, way=corrected_trajectory,
+                                 limits=Limits(*(Limits().sizes / 0.95).ravel().tolist()))
 
     line = Line(late=late, seed=2)
     places = line.run(7.5, {4.0: corrects})

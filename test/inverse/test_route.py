@@ -29,6 +29,7 @@ from dlo_planner import (
 from dlo_planner.inverse.tasks import route
 from dlo_planner.inverse.tasks.route import _HARD, _NEARER, _Routing, hold_by
 from dlo_planner.model.pose import displaced
+from dlo_planner.plan.checks import Margin, PlanChecker
 from dlo_planner.tasks import Clip, Fork, Peg, Route, task_from_yaml, task_to_yaml
 from dlo_planner.uncertainty.state import UncertainState
 from dlo_planner.verify.replay import replay
@@ -166,6 +167,24 @@ def test_a_fitting_that_lets_go_is_named():
     assert refused.value.constraint == 'retains' and refused.value.plan.fraction < 1
 
 
+def test_a_fitting_is_pressed_no_harder_than_it_bears(monkeypatch):
+    def pushes(plan):
+        return max(wrench[:3] @ CLIP.outwards for shape in plan.shapes
+                   for hold, wrench in zip(shape.holds, shape.wrenches, strict=True)
+                   if hold.by == 'clip 1')
+    with pytest.raises(InvalidTask, match='Clip.bears = 0.05: expected no less than Clip.push'):
+        replace(CLIP, bears=0.05)
+    firmly = replace(CLIP, push=0.5)
+    freely = pushes(planned(Route([firmly], far_end=PLUG)))
+    careful = replace(firmly, bears=0.5 + 0.3 * (freely - 0.5))
+    assert 0.5 <= pushes(planned(Route([careful], far_end=PLUG))) <= careful.bears < freely
+    monkeypatch.setattr(_Routing, '_presses', lambda self, begin, fitting, *rest, press=(
+        _Routing._presses): press(self, begin, replace(fitting, bears=None), *rest))
+    with pytest.raises(Infeasible, match='is pressed into clip 1 with .* it bears') as refused:
+        planned(Route([careful], far_end=PLUG))
+    assert refused.value.constraint == 'bears' and refused.value.plan.fraction < 1
+
+
 STEEP = toward((0.647, 0, 0.543), (-0.647, 0, -0.443))
 SIZE = (6e-3, 0.016, 0.016)
 # two in a line: what presses into the first would lie on the prongs of the second
@@ -223,9 +242,9 @@ def test_a_way_that_draws_the_dlo_taut_gives_way_to_one_nearer_to_what_holds_it(
     monkeypatch.setattr(route, 'led', pulls)
     routing = object.__new__(_Routing)
     routing._context, routing._silent, routing._back = SimpleNamespace(rod=CABLE), None, []
-    routing._bow = 0.0
+    routing._bow, routing._pressed_by = 0.0, 0.0
     routing._simulator, routing._length = simulator(), CABLE.length
-    routing._added = lambda plan, name: plan
+    routing._added, routing._check_fittings = lambda plan, name: plan, lambda _: None
     goal = Pose.from_rotation(pivot + turned_by(0.5) @ (shape.gripper.position - pivot),
                               turned_by(0.5) @ shape.gripper.rotation)
     found = routing._way(shape, goal, 'approach')
@@ -236,6 +255,62 @@ def test_a_way_that_draws_the_dlo_taut_gives_way_to_one_nearer_to_what_holds_it(
     assert routing._way(shape, goal, 'approach') is nothing
 
 
+def test_it_goes_back_no_farther_than_it_has_to(monkeypatch):
+    shape = next(stage for stage in board().stages if stage.name == 'press clip 1').shapes[-1]
+    pivot, counts = shape.holds[0].pose.position, []
+    back = [Pose(shape.gripper.position + (0, 0, 0.01 * k), shape.gripper.quaternion)
+            for k in range(1, 9)]
+
+    def needs_half(_, grips, *__):
+        counts.append(sum(one.gripper in back for one in grips))
+        if counts[-1] < 4:
+            raise Infeasible('in the way', 0, 'clearance', 1e-3, None)
+        return SimpleNamespace(wrenches=np.ones((3, 1, 6)))
+    monkeypatch.setattr(route, 'led', needs_half)
+    routing = object.__new__(_Routing)
+    routing._context, routing._silent, routing._back = SimpleNamespace(rod=CABLE), None, back
+    routing._bow, routing._pressed_by = 0.0, 0.0
+    routing._simulator, routing._length = simulator(), CABLE.length
+    routing._added, routing._check_fittings = lambda plan, name: plan, lambda _: None
+    goal = Pose.from_rotation(pivot + turned_by(0.5) @ (shape.gripper.position - pivot),
+                              turned_by(0.5) @ shape.gripper.rotation)
+    assert routing._way(shape, goal, 'approach') is not None
+    assert list(dict.fromkeys(counts)) == [0, 2, 4]
+
+
+@pytest.mark.parametrize(('pulls', 'nearest'), [(0.0, 0.97), (1e3, 0.5)])
+def test_what_lifts_off_is_not_made_slacker_and_slacker(monkeypatch, pulls, nearest):
+    tried = []
+
+    def pull(_, shape, seat):
+        tried.append(np.linalg.norm(shape.gripper.position - seat) / shape.holds[0].s)
+        return pulls
+    monkeypatch.setattr(_Routing, '_push', lambda *_: -1e4)
+    with pytest.raises(Infeasible, match='^press clip 1: clip 1 snaps at') as refused:
+        monkeypatch.setattr(_Routing, '_presses', lambda *asked, press=_Routing._presses: (
+            monkeypatch.setattr(_Routing, '_pull', pull), press(*asked))[1])
+        planned(Route([CLIP], far_end=PLUG))
+    assert refused.value.constraint == 'push' and min(tried) > nearest
+
+
+def test_where_a_closing_clip_brings_the_dlo_onto_the_next_one_it_is_not_pressed(monkeypatch):
+    over = Margin('clearance', -1e-3, 'the DLO is {over:.3g} m nearer than it may be to clip 2')
+    monkeypatch.setattr(PlanChecker, 'violation', lambda _, waypoint: (
+        over if waypoint.shape.holds[0].by == 'clip 1' else None))
+    with pytest.raises(Infeasible, match='^press clip 1: where clip 1 closes') as refused:
+        planned(Route([CLIP], far_end=PLUG))
+    assert refused.value.constraint == 'clearance' and refused.value.amount == 1e-3
+
+
+@pytest.mark.sweep
+def test_what_is_bowed_is_drawn_straighter_before_it_goes_aside():
+    direct, task, start = random_board('clips', 3)
+    plan = InverseSimulator(direct).plan(replace(task, fittings=[
+        replace(one, grip='clamped', push=1.5 * one.push) for one in task.fittings[:4]]),
+        start=start)
+    assert plan.fraction == 1 and plan.clearance.min() > task.clearance
+
+
 def test_without_a_push_nothing_is_pressed_for_ever_where_the_way_in_is_blocked(monkeypatch):
     levels = []
 
@@ -243,8 +318,8 @@ def test_without_a_push_nothing_is_pressed_for_ever_where_the_way_in_is_blocked(
         levels.append(begin.gripper.position[2] - 1e-5)
         return press(self, begin, *asked)
     monkeypatch.setattr(_Routing, '_presses', presses)
-    monkeypatch.setattr(_Routing, '_keeps_clear',
-                        lambda _, shape: shape.gripper.position[2] > levels[-1])
+    monkeypatch.setattr(_Routing, '_leads_to',
+                        lambda _, __, shape: shape.gripper.position[2] > levels[-1])
     with pytest.raises(Infeasible, match='snaps at 0 N'):
         planned(Route([replace(CLIP, push=0.0)], far_end=PLUG))
 
@@ -265,12 +340,16 @@ def test_what_is_bowed_rises_before_it_goes_aside_over_what_stands_ahead(monkeyp
             replace(one, push=0.05) for one in task.fittings[:2]]), start=start)
 
 
-def test_a_refusal_is_that_of_the_bow_that_came_farthest():
-    direct, task, start = random_board('clips', 16)
-    with pytest.raises(Infeasible, match='^press clip 1: .* to clip 2') as refused:
-        InverseSimulator(direct).plan(
-            replace(task, fittings=task.fittings[:2], clearance=9e-3), start=start)
-    assert refused.value.constraint == 'clearance'
+def test_a_refusal_is_that_of_the_bow_that_came_farthest(monkeypatch):
+    fractions, whole = iter([0.1, 0.5, 0.9, *[0.5] * 4]), board().stage_plans[0]
+
+    def refuses(self, *_):
+        raise Infeasible(f'bowed by {self._bow:g}', 0, 'clearance', 1e-3,
+                         replace(whole, fraction=next(fractions)))
+    monkeypatch.setattr(_Routing, '_entered', refuses)
+    with pytest.raises(Infeasible, match='^bowed by 0.15'):
+        planned(Route(IN_LINE, far_end=PLUG), start=STEEP)
+    assert not list(fractions)
 
 
 def test_where_it_comes_to_beside_a_mouth_it_is_led_to_the_middle_first(monkeypatch):
@@ -327,7 +406,8 @@ def test_it_stops_above_a_mouth_where_the_dlo_can_be_looked_at():
         heights = [one[np.abs(one @ fork.pose.rotation[:, 0]).argmin()] @ fork.outwards
                    for one in places]
         at, = stage.stops
-        assert heights[at] > top > heights[at + 1]
+        assert heights[at] > 1.2 * top > top > heights[at + 1]
+        assert heights[1] == pytest.approx(2.5 * top, abs=1e-4)  # at first it is at the standoff
     assert not any(stage.stops for stage in board().stage_plans  # what has no size has no top
                    if stage.stages[0].name.startswith('enter'))
 

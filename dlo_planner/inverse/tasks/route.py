@@ -49,7 +49,12 @@ _CORRECTIONS = 40    # of the gripper until it does not
 _TURN, _SHIFT = 0.1, 0.05  # rad and of the length: the largest correction
 _STEP = 0.04         # of the length: between two waypoints of the way
 _ENTRIES = 6         # waypoints from the standoff to the seat
+# times as high as a fitting, the DLO and the clearance need: the standoff before one that has a
+# size; the last of the waypoints above it is a quarter higher than it needs to be
+_ABOVE = 2.5
+_STANDOFF = 0.05     # m: the standoff before one that is a point
 _LEAST = 0.05        # of the length: the least that is left to lead by
+_BACKS = 0.0, 0.25, 0.5, 1.0  # of the way it came as it pressed: how much of it it goes back first
 _RISES = 0.0, 0.1, 0.2, 0.35  # of the length: by how much the gripper rises on its way
 # of what it leads: by how much nearer the gripper is halfway; and times the pull at the ends of a
 # way, or what straightens the DLO: one on which it pulls harder is not the first choice
@@ -57,7 +62,7 @@ _NEARER, _HARD = (0.0, 0.005, 0.02), 3.0
 # rad: by which it swings into a fitting, the least, and how far beyond level
 _SWING, _LEAST_SWING, _STEEPEST = 0.1, 0.025, 0.35
 _FIRM, _LESS_FIRM = 0.1, 0.5  # least stability of a DLO that presses; or of what it has before
-_TAUTEST = 2e-5      # of the DLO between: the least that is slack
+_TAUTEST, _SLACKEST = 2e-5, 0.5  # of the DLO between: the least and the most that is slack
 # trials of how slack it is where the gripper pulls as it should, nearly: unevenly it would jerk
 _PULLS, _PULLED = 16, 0.1
 _EASIER = 1.2        # times more than before it pulled: the gripper goes back no farther
@@ -68,9 +73,8 @@ _LOOSER = 1.5        # by which it is slackened, or drawn tighter, until it pull
 # rad: by how much the gripper goes aside to press, past what stands ahead; the least that is enough
 _ASIDE = 0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.8, -0.8
 # rad: by how much the gripper is turned down as the DLO enters, where that bows it over what stands
-# ahead: it rises towards the gripper then. The least comes second: with it the DLO is pressed down
-# with twice the pull where more is possible
-_BOWS = 0.0, 0.2, 0.1, 0.4, 0.8
+# ahead: it rises towards the gripper then, the way up and back takes the longer the more it is
+_BOWS = 0.0, 0.1, 0.15, 0.2, 0.3, 0.4, 0.8
 _EASED = 10.0        # per rad: by how much less than it should it pulls then
 _LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
@@ -91,6 +95,9 @@ class Fitting(Value):
         Force at which the DLO snaps in, N, against the mouth.
     retains : float or None
         Largest force out of the mouth that it bears from then on, N, at waypoints. If None, any.
+    bears : float or None
+        Largest force into the seat that it bears, N, at waypoints: as the DLO is pressed in, and
+        from then on. No less than `push`. If None, any.
     room : float
         Largest distance of the DLO from the middle of the mouth on its way in, m.
     size : ndarray, shape (3,), or None
@@ -104,6 +111,7 @@ class Fitting(Value):
     room: float = 1e-3
     retains: float | None = None
     size: Floats | None = None
+    bears: float | None = None
 
     word: ClassVar[str] = 'fitting'
 
@@ -120,6 +128,11 @@ class Fitting(Value):
             room=number(f'{name}.room', self.room, above=0, unit='m'))
         if self.retains is not None:
             put(self, retains=number(f'{name}.retains', self.retains, minimum=0, unit='N'))
+        if self.bears is not None:
+            put(self, bears=number(f'{name}.bears', self.bears, minimum=0, unit='N'))
+            if self.bears < self.push:
+                raise InvalidTask(f'{name}.bears = {self.bears:g}: expected no less than '
+                                  f'{name}.push = {self.push:g}')
         if self.size is not None:
             put(self, size=row(f'{name}.size', self.size, least=3, most=3, above=0))
         super().__post_init__()
@@ -151,7 +164,7 @@ class Clip(Fitting):
     Attributes
     ----------
     pose : Pose
-        As of every fitting, like mouth, push, room, retains and size.
+        As of every fitting, like mouth, push, room, retains, size and bears.
     grip : str
         'aligned' (default): the DLO may turn about its tangent; 'clamped'; or 'pinned': about all.
     """
@@ -163,7 +176,8 @@ class Clip(Fitting):
     if TYPE_CHECKING:  # what may be given
         def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
                      room: float = 1e-3, retains: float | None = None,
-                     size: ArrayLike | None = None, grip: str = 'aligned') -> None: ...
+                     size: ArrayLike | None = None, bears: float | None = None,
+                     grip: str = 'aligned') -> None: ...
 
     def __post_init__(self) -> None:
         choice('Clip.grip', self.grip, ('aligned', 'clamped', 'pinned'))
@@ -177,7 +191,7 @@ class Fork(Fitting):
     Attributes
     ----------
     pose : Pose
-        As of every fitting, like mouth, push, room, retains and size.
+        As of every fitting, like mouth, push, room, retains, size and bears.
     slip : float
         Friction along the DLO, N, as of a Hold.
     grip : str
@@ -192,8 +206,8 @@ class Fork(Fitting):
     if TYPE_CHECKING:  # what may be given
         def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
                      room: float = 1e-3, retains: float | None = None,
-                     size: ArrayLike | None = None, slip: float = 0.0,
-                     grip: str = 'ring') -> None: ...
+                     size: ArrayLike | None = None, bears: float | None = None,
+                     slip: float = 0.0, grip: str = 'ring') -> None: ...
 
     def __post_init__(self) -> None:
         choice('Fork.grip', self.grip, ('ring', 'tube'))
@@ -210,8 +224,8 @@ class Peg(Fitting):
     Attributes
     ----------
     pose : Pose
-        As of every fitting, like mouth, push, room, retains and size: where the DLO bears on the
-        post.
+        As of every fitting, like mouth, push, room, retains, size and bears: where the DLO bears
+        on the post.
     friction : float
         Coulomb's coefficient.
     angle : float
@@ -229,7 +243,8 @@ class Peg(Fitting):
     if TYPE_CHECKING:  # what may be given
         def __init__(self, pose: Pose, mouth: ArrayLike = (0, 0, 1), push: float = 0.0,
                      room: float = 1e-3, retains: float | None = None,
-                     size: ArrayLike | None = None, friction: float = 0.0, angle: float = 0.0,
+                     size: ArrayLike | None = None, bears: float | None = None,
+                     friction: float = 0.0, angle: float = 0.0,
                      tension: float = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
@@ -321,8 +336,9 @@ class Route(Task):
         What holds the far end. If None, it is free, or held as `initial` says.
     to : Pose or None
         Where the gripper goes in the end. If None, it stays where the last fitting snaps.
-    standoff : float
-        m, out of the mouth.
+    standoff : float or None
+        m, out of the mouth. If None, 2.5 times as high as a fitting stands out of its seat by its
+        `size`, with the DLO and the `clearance`; 0.05 m where it has none.
     slack : float
         How much longer the DLO between a fitting and the gripper is than its way, as a part.
     tail : float or None
@@ -347,7 +363,7 @@ class Route(Task):
     fittings: tuple[Fitting, ...]
     far_end: FarEnd | None = None
     to: Pose | None = None
-    standoff: float = 0.05
+    standoff: float | None = None
     slack: float = 0.01
     tail: float | None = None
     max_force: float | None = None
@@ -356,19 +372,21 @@ class Route(Task):
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, fittings: Iterable[Fitting], far_end: FarEnd | None = None,
-                     to: Pose | None = None, standoff: float = 0.05, slack: float = 0.01,
-                     tail: float | None = None, max_force: float | None = None,
-                     max_moment: float | None = None, clearance: float = 0.0) -> None: ...
+                     to: Pose | None = None, standoff: float | None = None,
+                     slack: float = 0.01, tail: float | None = None,
+                     max_force: float | None = None, max_moment: float | None = None,
+                     clearance: float = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
         put(self, fittings=items('fittings', self.fittings, Fitting, least=1),
-            standoff=number('standoff', self.standoff, above=0, unit='m'),
             slack=number('slack', self.slack, above=0, below=1),
             max_force=limit('max_force', self.max_force),
             max_moment=limit('max_moment', self.max_moment),
             clearance=number('clearance', self.clearance, minimum=0))
         instance('far_end', self.far_end, FarEnd, optional=True)
         instance('to', self.to, Pose, optional=True)
+        if self.standoff is not None:
+            put(self, standoff=number('standoff', self.standoff, above=0, unit='m'))
         if self.tail is not None:
             put(self, tail=number('tail', self.tail, above=0, unit='m'))
         super().__post_init__()
@@ -393,6 +411,7 @@ class _Routing:
                                 clearance=task.clearance)
         self._names = names_of(task.fittings)
         self._back = list[Pose]()  # by which the gripper came where it is, as it pressed
+        self._pressed_by = 0.0  # N, with which it pulled then
         self._bow = 0.0  # rad, by which the gripper is turned down as the DLO enters
         self._keep_off(0)
         self._stages = Stages(self._demands.speeds)
@@ -426,12 +445,11 @@ class _Routing:
         self._keep_off(index + 1)
         kept = len(self._stages.plans)
         farthest, refused = (-1, 0.0), list[Infeasible]()
-        for self._bow in _BOWS:
+        for bow in _BOWS if self._is_ahead() else _BOWS[:1]:
+            self._bow = bow
             try:
                 return self._pressed(*self._entered(shape, fitting, aim, name), fitting, name)
             except Infeasible as error:
-                if error.constraint == 'push':
-                    raise
                 reached = (len(self._stages.plans),
                            0.0 if error.plan is None else error.plan.fraction)
                 if reached > farthest:
@@ -446,9 +464,24 @@ class _Routing:
         self._silent = replace(self._demands.silent(),
                                obstacles=(*self._demands.obstacles, *bodies))
 
+    def _is_ahead(self) -> bool:
+        """Whether fittings stand ahead that the DLO has to stay out of."""
+        return len(self._silent.obstacles) > len(self._demands.obstacles)
+
+    def _top(self, fitting: Fitting) -> float:
+        """Return how high the DLO is that keeps clear of a fitting, m out of it; 0: a point."""
+        return 0.0 if fitting.size is None else 0.5 * float(fitting.size[2]) + (
+            Surface.of(self._context.rod).bound + self._task.clearance)
+
+    def _standoff(self, fitting: Fitting) -> float:
+        """Return the standoff before a fitting, m out of its mouth."""
+        if self._task.standoff is not None:
+            return self._task.standoff
+        return _ABOVE * self._top(fitting) or _STANDOFF
+
     def _aim_at(self, fitting: Fitting, shape: Shape, name: str) -> Aim:
         """Return the Aim before a fitting, or raise Infeasible where it is out of reach."""
-        pose = before(fitting, self._task.standoff)
+        pose = before(fitting, self._standoff(fitting))
         if not shape.holds:  # the far end hangs: nothing but the gripper says what is there
             tail = 0.2 * self._length if self._task.tail is None else self._task.tail
             if not tail < (1 - _LEAST) * self._length:
@@ -616,22 +649,26 @@ class _Routing:
         """
         refused: Infeasible | None = None
         found, least, eased = None, np.inf, self._least_pull(part_led(shape))
-        for back, rise, nearer in product([[], self._back] if self._back else [[]], _RISES,
-                                          _NEARER if shape.holds else (0.0,)):
+        backs = sorted({round(part * len(self._back)) for part in _BACKS})
+        for count, rise, nearer in product(backs, _RISES, _NEARER if shape.holds else (0.0,)):
             if nearer and found is None:
                 continue  # a way that cannot be is none because it is too taut
+            if not (rise or nearer) and found is not None:
+                break  # it need not go back any farther
+            back = self._back[:count]
             begin = back[-1] if back else shape.gripper
             grips = [Grips(pose, shape.holds) for pose in (
                 shape.gripper, *back, *self._poses(begin, shape.holds, goal, rise, nearer))]
             try:
                 plan = led(self._context, grips, self._silent, (), shape)
+                self._check_fittings(plan)
             except Infeasible as error:
                 if refused is None or (error.plan is not None and refused.plan is not None
                                        and error.plan.fraction > refused.plan.fraction):
                     refused = error
                 continue
             pulls = np.linalg.norm(plan.wrenches[:, 0, :3], axis=1)
-            hard = float(pulls.max() / max(pulls[0], pulls[-1], eased))
+            hard = float(pulls.max() / max(pulls[0], pulls[-1], eased, self._pressed_by / _HARD))
             if hard < least:
                 found, least = plan, hard
             if hard < _HARD:
@@ -644,7 +681,7 @@ class _Routing:
     def _entered(self, shape: Shape, fitting: Fitting, aim: Aim,
                  name: str) -> tuple[Shape, float]:
         """Add the stage in which the DLO goes into a fitting; return its end, and what is there."""
-        heights = np.linspace(self._task.standoff, 0.0, _ENTRIES + 1)
+        heights = np.linspace(self._standoff(fitting), 0.0, _ENTRIES + 1)
         found, poses = [shape], list[Pose]()
         for height in heights.tolist():
             begin = self._turned_down(found[-1], fitting, self._bow / heights.size)
@@ -663,8 +700,7 @@ class _Routing:
         s = aim.level(shape)
         builder.add(waypoint_at(shape, shape.frame_at(s)[1], s, None)._replace(via_points=()))
         # it stops above the fitting, where what is seen of the DLO tells whether it goes in
-        top = 0.0 if fitting.size is None else 0.5 * float(fitting.size[2]) + (
-            Surface.of(self._context.rod).bound + self._task.clearance)
+        top = self._top(fitting)
         above = int((heights > top).sum()) if top else 0
         for pose, height in zip(poses, heights.tolist(), strict=True):
             after = self._simulator.track([pose], initial=shape, holds=[shape.holds])[0]
@@ -683,10 +719,16 @@ class _Routing:
         """Return the Shape with the gripper turned in its place, rad, against a mouth."""
         if not angle:
             return shape
-        axis = np.cross(fitting.outwards, shape.gripper.rotation[:, 0])
-        pose = displaced(shape.gripper, np.append(angle * axis / np.linalg.norm(axis), np.zeros(3)))
+        pose = displaced(shape.gripper, np.append(self._turn_down(shape, fitting, angle),
+                                                  np.zeros(3)))
         there = self._simulator.track([pose], initial=shape, holds=[shape.holds])[0]
         return there if there.converged and not there.jumped else shape
+
+    def _turn_down(self, shape: Shape, fitting: Fitting, angle: float) -> Floats:
+        """Return the rotation vector (3,) that turns the gripper down towards a fitting."""
+        axis = np.cross(fitting.outwards, shape.gripper.rotation[:, 0])
+        result: Floats = angle * axis / np.linalg.norm(axis)
+        return result
 
     def _waypoint(self, shape: Shape, fitting: Fitting, aim: Aim, height: float) -> Waypoint:
         """Return the Waypoint of a Shape before the seat of a fitting, with what it misses."""
@@ -711,20 +753,27 @@ class _Routing:
         first, found = float(np.arcsin(way @ out / size)), [begin]
         angle, beside, slack = first, 0.0, max(1 - size / s, _TAUTEST)
         pull = max(self._pull(begin, seat), self._least_pull(s) / _ABOUT)
+        bowed = self._turn_down(begin, fitting, self._bow)
+        most, too_hard = np.inf if fitting.bears is None else fitting.bears, False
         firm = min(_FIRM, _LESS_FIRM * begin.stability)
 
         def pressed(lower: float, side: float, wanted: float) -> tuple[Shape, float] | None:
             """Return the Shape at two angles with a pull, N, and what is slack then; or None."""
+            # what was bowed to come in is straight when it is level: bowed, it would be in the way
+            level = float(np.clip((first - lower) / max(first, _SWING), 0.0, 1.0))
             turned = (Rotation.from_rotvec(side * out)
-                      * Rotation.from_rotvec((first - lower) * across)).as_matrix()
-            level = np.cos(side) * ahead + np.sin(side) * across
+                      * Rotation.from_rotvec((first - lower) * across)
+                      * Rotation.from_rotvec(-level * bowed)).as_matrix()
+            flat = np.cos(side) * ahead + np.sin(side) * across
+            nonlocal too_hard
+            too_hard = False
             loose, tight, wide = slack, 0.0, np.inf  # between the last two is what is wanted
             known: tuple[float, float] | None = None  # the last one, and its pull
             for _ in range(_PULLS):
-                if loose < _TAUTEST:
+                if not _TAUTEST <= loose <= max(_SLACKEST, slack):
                     return None
                 pose = Pose.from_rotation(
-                    seat + (1 - loose) * s * (np.cos(lower) * level + np.sin(lower) * out),
+                    seat + (1 - loose) * s * (np.cos(lower) * flat + np.sin(lower) * out),
                     turned @ begin.gripper.rotation)
                 there = self._simulator.track([pose], initial=found[-1],
                                               holds=[found[-1].holds])[0]
@@ -733,13 +782,16 @@ class _Routing:
                     continue
                 pulls = self._pull(there, seat)
                 lifts = self._push(there, fitting, name) < -wanted * _LIFTS
+                if lifts and pulls < wanted / _ABOUT:
+                    return None  # what bends it lifts it, not the pull
                 much = pulls > wanted or lifts
                 tight, wide = (loose, wide) if much else (tight, loose)
                 little = fitting.push and side == beside and pulls < (1 - _PULLED) * wanted
                 if not lifts and not little and (
                         not fitting.push or pulls < (1 + _PULLED) * wanted):
-                    good = there.stability > firm and self._keeps_clear(there) and (
-                        side == beside or self._keeps_clear(self._halfway(found[-1], there)))
+                    too_hard = self._push(there, fitting, name) > most
+                    good = not too_hard and (
+                        there.stability > firm and self._leads_to(found[-1], there))
                     return (there, loose) if good else None
                 guess = loose * (_LOOSER if much else 1 / _LOOSER)
                 if known is not None and min(pulls, known[1]) > 0 and pulls != known[1]:
@@ -754,18 +806,21 @@ class _Routing:
                 loose = guess
             return None
 
-        swing = _SWING
+        swing, stronger = _SWING, _STRONGER
         while beside != aside or len(found) < 2 or fitting.push and (
                 self._push(found[-1], fitting, name) < fitting.push):
             self._context.progress.check()
             left = aside - beside
             by = min(swing, angle + _STEEPEST)
-            tries = [(angle - by, beside, pull), (angle, beside, _STRONGER * pull)]
+            tries = [(angle - by, beside, pull), (angle, beside, stronger * pull)]
             if left:  # what is bowed would come down on what stands ahead: it rises then
                 there = aside - float(np.sign(left)) * max(0.0, abs(left) - _SWING)
-                tries = [(angle + rise, there, pull) for rise in (0.0, 0.5 * _SWING, _SWING)]
-            else:  # where nothing has to snap, a stronger pull would go on for ever
-                tries = tries[by < _LEAST_SWING:2 if fitting.push else 1]
+                tries = [*((angle + rise, there, pull) for rise in (0.0, 0.5 * _SWING, _SWING)),
+                         tries[1]]
+            else:
+                tries = tries[by < _LEAST_SWING:]
+            if not fitting.push:  # where nothing has to snap it would pull more and more for ever
+                tries = [one for one in tries if one[2] == pull]
             for lower, side, wanted in tries:
                 if (new := pressed(lower, side, wanted)) is not None:
                     if (lower, side, new[1]) != (angle, beside, slack):  # else it pulls enough
@@ -776,18 +831,22 @@ class _Routing:
                     swing *= 0.5  # something is in the way, or it would lift off
                     break
             else:
-                break
+                if not too_hard or stronger < 1 + _PULLED:
+                    break
+                stronger = float(np.sqrt(stronger))
         return found
 
-    def _halfway(self, one: Shape, other: Shape) -> Shape:
-        """Return the Shape in the middle of the way of the gripper between two."""
-        middle = Grips(one.gripper, one.holds).towards(Grips(other.gripper, other.holds), 0.5)
-        return self._simulator.track([middle.gripper], initial=one, holds=[middle.holds])[0]
+    def _leads_to(self, one: Shape, other: Shape) -> bool:
+        """Whether the gripper leads the DLO from one Shape to another without breaking a demand.
 
-    def _keeps_clear(self, shape: Shape) -> bool:
-        """Whether the DLO follows to a Shape that breaks no demand."""
-        return (shape.converged and not shape.jumped
-                and self._silent.violation(Waypoint(shape)) is None)
+        A step is long: it may pass through what stands ahead and be clear at both ends.
+        """
+        try:
+            led(self._context, [Grips(shape.gripper, shape.holds) for shape in (one, other)],
+                self._silent, (), one)
+        except Infeasible:
+            return False
+        return True
 
     def _pull(self, shape: Shape, seat: Floats) -> float:
         """Return the force with which the gripper pulls the DLO away from a seat (3,), N."""
@@ -811,13 +870,20 @@ class _Routing:
         if not begin.converged or begin.jumped:
             raise self._refused(f'press {name}', 'continuity', 0.0, f'where {name} closes the DLO '
                                 f'would not stay: {begin.status}')
+        if (broken := self._silent.violation(Waypoint(begin))) is not None:  # as it is turned
+            raise self._refused(f'press {name}', broken.name, -broken.room, f'where {name} closes '
+                                f'{broken.message}', broken.unit)
         pushed, found = -np.inf, [begin]
+        blocked = set[float]()  # sides to which not even a first step can be made
         for aside in _ASIDE:
+            if np.sign(aside) in blocked:
+                continue
             shapes = self._presses(begin, fitting, s, name, aside)
+            if len(shapes) < 2:
+                blocked.add(float(np.sign(aside)))
             if len(shapes) > 1 and (push := self._push(shapes[-1], fitting, name)) > pushed:
                 pushed, found = push, shapes
-            if pushed >= fitting.push or len(self._silent.obstacles) == len(
-                    self._demands.obstacles):  # nothing stands ahead
+            if pushed >= fitting.push or not self._is_ahead():
                 break
         if len(found) < 2 or fitting.push and pushed < fitting.push:
             raise self._refused(
@@ -829,6 +895,7 @@ class _Routing:
         easy = max(k for k, pull in enumerate(pulls) if not k or pull < most)
         grips = [Grips(one.gripper, one.holds) for one in (*found, *reversed(found[easy:-1]))]
         self._back = [one.gripper for one in reversed(found[:easy])]
+        self._pressed_by = max(pulls)
         try:
             plan = led(self._context, grips, self._silent, (len(found) - 1,), begin)
         except Infeasible as error:
@@ -843,20 +910,29 @@ class _Routing:
         return 0.0
 
     def _added(self, plan: Plan, name: str) -> Shape:
-        """Add a stage in which no fitting loses the DLO; return its end."""
+        """Add a stage in which no fitting loses the DLO, or bears too much; return its end."""
+        try:
+            self._check_fittings(plan)
+        except Infeasible as error:
+            raise again(error, f'{name}: ') from None
+        return self._stages.add(name, plan)
+
+    def _check_fittings(self, plan: Plan) -> None:
+        """Raise Infeasible where a fitting loses the DLO, or bears too much."""
         limits = dict(zip(self._names, self._task.fittings, strict=True))
         for index, shape in enumerate(plan.shapes):
             for hold in shape.holds:
                 held = limits.get(hold.by)
-                if held is None or held.retains is None:
+                if held is None:
                     continue
-                pulled = -self._push(shape, held, hold.by)
-                if pulled > held.retains:
-                    raise Infeasible(
-                        f'{name}: waypoint {index}: the DLO is drawn out of {hold.by} with '
-                        f'{pulled:.3g} N, it retains {held.retains:.3g} N', index, 'retains',
-                        pulled - held.retains, truncate(plan, index, PlanStatus.PARTIAL), 'N')
-        return self._stages.add(name, plan)
+                push = self._push(shape, held, hold.by)
+                for word, force, most, how in (('retains', -push, held.retains, 'drawn out of'),
+                                               ('bears', push, held.bears, 'pressed into')):
+                    if most is not None and force > most:
+                        raise Infeasible(
+                            f'waypoint {index}: the DLO is {how} {hold.by} with '
+                            f'{force:.3g} N, it {word} {most:.3g} N', index, word, force - most,
+                            truncate(plan, index, PlanStatus.PARTIAL), 'N')
 
     # ---- refusals ---------------------------------------------------------------------------
 
