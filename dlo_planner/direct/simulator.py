@@ -571,7 +571,8 @@ class DirectSimulator(Value):
             known = self._equilibrium(gripper, initial, holds)
             if known.state.mesh is not mesh or mesh.s.size <= _ENOUGH:
                 mesh = moving_mesh(known.state.made_on)
-            mesh = colliding_mesh(mesh)
+            if initial is None or not initial.contacts:  # what bears stays on its own mesh
+                mesh = colliding_mesh(mesh)
         if initial is not None:
             return first_shape(mesh, gripper, holds, initial, self._history), mesh
         if self.accuracy is None:

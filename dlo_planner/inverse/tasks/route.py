@@ -75,6 +75,9 @@ _ASIDE = 0.0, 0.15, -0.15, 0.3, -0.3, 0.5, -0.5, 0.8, -0.8
 # rad: by how much the gripper is turned down as the DLO enters, where that bows it over what stands
 # ahead: it rises towards the gripper then, the way up and back takes the longer the more it is
 _BOWS = 0.0, 0.1, 0.15, 0.2, 0.3, 0.4, 0.8
+# the same where nothing stands ahead: what is taut between two fittings as the next one closes
+# comes in slacker, and by so much that a hand that gives way takes what its length may be off
+_SLACKER = 0.0, 0.2, 0.4, 0.8
 _EASED = 10.0        # per rad: by how much less than it should it pulls then
 _LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
@@ -445,11 +448,12 @@ class _Routing:
         self._keep_off(index + 1)
         kept = len(self._stages.plans)
         farthest, refused = (-1, 0.0), list[Infeasible]()
-        for bow in _BOWS if self._is_ahead() else _BOWS[:1]:
-            self._bow = bow
+        for self._bow in _BOWS if self._is_ahead() else _SLACKER:
             try:
                 return self._pressed(*self._entered(shape, fitting, aim, name), fitting, name)
             except Infeasible as error:
+                if error.constraint == 'push' and not self._is_ahead():
+                    raise
                 reached = (len(self._stages.plans),
                            0.0 if error.plan is None else error.plan.fraction)
                 if reached > farthest:
