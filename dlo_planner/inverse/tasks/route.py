@@ -448,7 +448,8 @@ class _Routing:
         self._keep_off(index + 1)
         kept = len(self._stages.plans)
         farthest, refused = (-1, 0.0), list[Infeasible]()
-        for self._bow in _BOWS if self._is_ahead() else _SLACKER:
+        for bow in _BOWS if self._is_ahead() else _SLACKER:
+            self._bow = bow
             try:
                 return self._pressed(*self._entered(shape, fitting, aim, name), fitting, name)
             except Infeasible as error:
