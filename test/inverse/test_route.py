@@ -255,7 +255,9 @@ def test_a_way_that_draws_the_dlo_taut_gives_way_to_one_nearer_to_what_holds_it(
     assert routing._way(shape, goal, 'approach') is nothing
 
 
-def test_it_goes_back_no_farther_than_it_has_to(monkeypatch):
+@pytest.mark.parametrize('hard', [False, True])
+def test_it_goes_back_no_farther_than_it_has_to(monkeypatch, hard):
+    """Until it is out of the way; or until a way does not pull the DLO taut."""
     shape = next(stage for stage in board().stages if stage.name == 'press clip 1').shapes[-1]
     pivot, counts = shape.holds[0].pose.position, []
     back = [Pose(shape.gripper.position + (0, 0, 0.01 * k), shape.gripper.quaternion)
@@ -263,9 +265,12 @@ def test_it_goes_back_no_farther_than_it_has_to(monkeypatch):
 
     def needs_half(_, grips, *__):
         counts.append(sum(one.gripper in back for one in grips))
+        force = np.ones((3, 1, 6))
         if counts[-1] < 4:
-            raise Infeasible('in the way', 0, 'clearance', 1e-3, None)
-        return SimpleNamespace(wrenches=np.ones((3, 1, 6)))
+            if not hard:
+                raise Infeasible('in the way', 0, 'clearance', 1e-3, None)
+            force[1] *= 30.0
+        return SimpleNamespace(wrenches=force)
     monkeypatch.setattr(route, 'led', needs_half)
     routing = object.__new__(_Routing)
     routing._context, routing._silent, routing._back = SimpleNamespace(rod=CABLE), None, back
@@ -274,7 +279,8 @@ def test_it_goes_back_no_farther_than_it_has_to(monkeypatch):
     routing._added, routing._check_fittings = lambda plan, name: plan, lambda _: None
     goal = Pose.from_rotation(pivot + turned_by(0.5) @ (shape.gripper.position - pivot),
                               turned_by(0.5) @ shape.gripper.rotation)
-    assert routing._way(shape, goal, 'approach') is not None
+    found = routing._way(shape, goal, 'approach')
+    assert found.wrenches.max() == 1.0
     assert list(dict.fromkeys(counts)) == [0, 2, 4]
 
 

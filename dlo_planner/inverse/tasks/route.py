@@ -658,8 +658,6 @@ class _Routing:
         for count, rise, nearer in product(backs, _RISES, _NEARER if shape.holds else (0.0,)):
             if nearer and found is None:
                 continue  # a way that cannot be is none because it is too taut
-            if not (rise or nearer) and found is not None:
-                break  # it need not go back any farther
             back = self._back[:count]
             begin = back[-1] if back else shape.gripper
             grips = [Grips(pose, shape.holds) for pose in (
