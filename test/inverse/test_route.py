@@ -229,6 +229,18 @@ def test_a_little_bow_leads_over_what_stands_ahead():
     assert plan.fraction == 1 and plan.clearance.min() > task.clearance
 
 
+def turning(shape, back):
+    """Return a routing of which nothing is checked but its ways, and a goal half a rad aside."""
+    routing = object.__new__(_Routing)
+    routing._context, routing._silent, routing._back = SimpleNamespace(rod=CABLE), None, back
+    routing._bow, routing._pressed_by = 0.0, 0.0
+    routing._simulator, routing._length = simulator(), CABLE.length
+    routing._added, routing._check_fittings = lambda plan, name: plan, lambda _: None
+    pivot, turn = shape.holds[0].pose.position, turned_by(0.5)
+    return routing, Pose.from_rotation(pivot + turn @ (shape.gripper.position - pivot),
+                                       turn @ shape.gripper.rotation)
+
+
 def test_a_way_that_draws_the_dlo_taut_gives_way_to_one_nearer_to_what_holds_it(monkeypatch):
     shape = next(stage for stage in board().stages if stage.name == 'press clip 1').shapes[-1]
     pivot, asked = shape.holds[0].pose.position, []
@@ -240,13 +252,7 @@ def test_a_way_that_draws_the_dlo_taut_gives_way_to_one_nearer_to_what_holds_it(
         force[:, 0, 0] = 1.0, 1.0 + 1e3 * max(0.0, asked[-1] - 0.993), 1.0
         return SimpleNamespace(wrenches=force)
     monkeypatch.setattr(route, 'led', pulls)
-    routing = object.__new__(_Routing)
-    routing._context, routing._silent, routing._back = SimpleNamespace(rod=CABLE), None, []
-    routing._bow, routing._pressed_by = 0.0, 0.0
-    routing._simulator, routing._length = simulator(), CABLE.length
-    routing._added, routing._check_fittings = lambda plan, name: plan, lambda _: None
-    goal = Pose.from_rotation(pivot + turned_by(0.5) @ (shape.gripper.position - pivot),
-                              turned_by(0.5) @ shape.gripper.rotation)
+    routing, goal = turning(shape, [])
     found = routing._way(shape, goal, 'approach')
     np.testing.assert_allclose(asked, 1 - np.array(_NEARER), atol=5e-4)
     assert found.wrenches[:, 0, 0].max() < _HARD
@@ -259,7 +265,7 @@ def test_a_way_that_draws_the_dlo_taut_gives_way_to_one_nearer_to_what_holds_it(
 def test_it_goes_back_no_farther_than_it_has_to(monkeypatch, hard):
     """Until it is out of the way; or until a way does not pull the DLO taut."""
     shape = next(stage for stage in board().stages if stage.name == 'press clip 1').shapes[-1]
-    pivot, counts = shape.holds[0].pose.position, []
+    counts = []
     back = [Pose(shape.gripper.position + (0, 0, 0.01 * k), shape.gripper.quaternion)
             for k in range(1, 9)]
 
@@ -272,13 +278,7 @@ def test_it_goes_back_no_farther_than_it_has_to(monkeypatch, hard):
             force[1] *= 30.0
         return SimpleNamespace(wrenches=force)
     monkeypatch.setattr(route, 'led', needs_half)
-    routing = object.__new__(_Routing)
-    routing._context, routing._silent, routing._back = SimpleNamespace(rod=CABLE), None, back
-    routing._bow, routing._pressed_by = 0.0, 0.0
-    routing._simulator, routing._length = simulator(), CABLE.length
-    routing._added, routing._check_fittings = lambda plan, name: plan, lambda _: None
-    goal = Pose.from_rotation(pivot + turned_by(0.5) @ (shape.gripper.position - pivot),
-                              turned_by(0.5) @ shape.gripper.rotation)
+    routing, goal = turning(shape, back)
     found = routing._way(shape, goal, 'approach')
     assert found.wrenches.max() == 1.0
     assert list(dict.fromkeys(counts)) == [0, 2, 4]
