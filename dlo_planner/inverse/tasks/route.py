@@ -57,8 +57,9 @@ _LEAST = 0.05        # of the length: the least that is left to lead by
 _BACKS = 0.0, 0.25, 0.5, 1.0  # of the way it came as it pressed: how much of it it goes back first
 _RISES = 0.0, 0.1, 0.2, 0.35  # of the length: by how much the gripper rises on its way
 # of what it leads: by how much nearer the gripper is halfway; and times the pull at the ends of a
-# way, or what straightens the DLO: one on which it pulls harder is not the first choice
-_NEARER, _HARD = (0.0, 0.005, 0.02), 3.0
+# way, or what straightens the DLO: one on which it pulls harder is not the first choice; and one
+# on which it pulls so much harder that it goes back farther for another
+_NEARER, _HARD, _TAUT = (0.0, 0.005, 0.02), 3.0, 6.0
 # rad: by which it swings into a fitting, the least, and how far beyond level
 _SWING, _LEAST_SWING, _STEEPEST = 0.1, 0.025, 0.35
 _FIRM, _LESS_FIRM = 0.1, 0.5  # least stability of a DLO that presses; or of what it has before
@@ -658,6 +659,8 @@ class _Routing:
         for count, rise, nearer in product(backs, _RISES, _NEARER if shape.holds else (0.0,)):
             if nearer and found is None:
                 continue  # a way that cannot be is none because it is too taut
+            if not (rise or nearer) and least < _TAUT:
+                break  # it need not go back any farther
             back = self._back[:count]
             begin = back[-1] if back else shape.gripper
             grips = [Grips(pose, shape.holds) for pose in (
