@@ -64,7 +64,7 @@ _GRIP_KEPT = 1e-9      # of the length: by how much a grip may be missed at the 
 _SLACK = 1e-3          # of the slack: the same, as the DLO pulls the tighter the less there is
 _GRIP_EXACT = 1e-4     # of the slack: what is aimed at
 _LEAST_SLACK = 1e-10   # of the length: slack that is looked at
-_WHOLE = 100           # Newton steps of a whole step, after its halves: it takes 30 at most
+_WHOLE = 100           # Newton steps of a whole step, after its halves: beyond, it leads nowhere
 _IN_VAIN = 30          # Newton steps towards what is out of reach
 
 

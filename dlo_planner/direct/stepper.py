@@ -61,8 +61,8 @@ from dlo_planner.progress import uninterrupted
 MOST = 64            # steps of a batch
 _POINTS = 24         # contacts a step for which there is room at first
 _ROUNDING = 1e-17    # of the residual, per inertia's strength relative to elasticity's
-_ROUGHEST = 1e-7
-_BLURRED = 1e-4
+_ROUGHEST = 1e-7        # the largest that still tells an equilibrium
+_BLURRED = 1e-4         # the same where Newton's decrement tells it, as in contact
 _FOLLOWED = 0.2      # of the DLO's own time: shorter steps follow vibrations
 _AT_FIRST = 0.1      # of a step: it may be halved yet
 _BRIEF = 1e-1, 1e-3  # of a step, of the DLO's own time: how long it is watched
@@ -451,8 +451,7 @@ class Stepper:
         return known
 
     def _options(self, scheme: Scheme, limits: Acceptance, exact: float = EXACT) -> StepOptions:
-        mesh, left = self.discretization, self._rounding(scheme)
-        rounding = min(left, _ROUGHEST)
+        mesh, left, rounding = self.discretization, self._rounding(scheme), self.rounding(scheme)
         return StepOptions(
             TOLERANCE + rounding, rounding, TOLERANCE + min(left, _BLURRED),
             float(exact * mesh.s[-1]), float(KEPT * mesh.s[-1]),
