@@ -451,7 +451,8 @@ class Stepper:
         return known
 
     def _options(self, scheme: Scheme, limits: Acceptance, exact: float = EXACT) -> StepOptions:
-        mesh, left, rounding = self.discretization, self._rounding(scheme), self.rounding(scheme)
+        mesh, left = self.discretization, self._rounding(scheme)
+        rounding = min(left, _ROUGHEST)
         return StepOptions(
             TOLERANCE + rounding, rounding, TOLERANCE + min(left, _BLURRED),
             float(exact * mesh.s[-1]), float(KEPT * mesh.s[-1]),
