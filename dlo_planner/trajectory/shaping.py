@@ -81,7 +81,7 @@ def _answers(case: Case, law: TimeLaw, begin: Floats, basis: BSpline) -> tuple[F
         near = response.between(passage.before, u) <= _NEAR * response.shapes[0].s[-1]
         weight = np.where(near, 1.0, _BEFORE)[:, None] / np.sqrt(len(times) / _PART)
         before.append((np.einsum('tmi,tm->ti', moved, own[0]) * weight).ravel())
-        away = np.einsum('tmi,ctm->cti', moved, answers[0]) + places
+        away = (answers[0].swapaxes(0, 1) @ moved).swapaxes(0, 1) + places
         rows.append((away * weight).reshape(len(force), -1).T)
     sizes = response.sizes[-1]
     before.append((sizes * own[:, -1]).ravel())
