@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.blas import one_thread
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
@@ -112,6 +113,7 @@ class Correction(Value):
                      f'miss with 95 % up to {self.miss.bound.max(initial=0.0):.2g} m')
 
 
+@one_thread()
 def correct(estimate: Estimate, plan: Plan, first: int = 0, before: Correction | None = None, *,
             inverse: InverseSimulator | None = None) -> Correction:
     """Return the Correction of the remaining waypoints of a plan, of any task.

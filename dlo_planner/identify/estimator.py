@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.blas import one_thread
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
@@ -308,6 +309,7 @@ class DloEstimator:
         with self._lock:
             self._resting = np.inf
 
+    @one_thread()
     def vibration(self, gripper: Pose, since: float, factor: tuple[float, float] = STATED,
                   periods: float = LEAST_PERIODS) -> FreeVibration | None:
         """Return how the DLO vibrates since the gripper stands, by all looks; None: unknown.

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import OptimizeResult
 from scipy.special import chdtrc, ndtr, stdtrit
 
+from dlo_planner.blas import one_thread
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask, NotConverged
@@ -157,6 +158,7 @@ class Fit(Answer):
         return out
 
 
+@one_thread()
 def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
             parameters: Iterable[str] = ('bending_stiffness',), *,
             motions: Iterable[ObservedMotion] = (), knots: ArrayLike | None = None,

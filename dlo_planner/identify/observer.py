@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.blas import one_thread
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate, RobotError
@@ -127,6 +128,7 @@ class Observer(Value):
         return Estimate(self.uncertain, np.zeros(self.uncertain.size),
                         np.diag(self.uncertain.deviations**2), robot=self.robot)
 
+    @one_thread()
     def update(self, estimate: Estimate, observation: Observation, *,
                elapsed: float = 0.0, noise: float | None = None, sway: float | None = None,
                late: ArrayLike = (0.0,) * 6, velocity: ArrayLike = (0.0,) * 6,
@@ -185,6 +187,7 @@ class Observer(Value):
                            bent).estimate()
         return replace(estimate, converged=False) if after is None else after
 
+    @one_thread()
     def see_cutout(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike,
                    noise: float | None = None) -> Estimate:
         """Return the Estimate after the center of the cut-out has been seen by the same camera.
@@ -219,6 +222,7 @@ class Observer(Value):
         window = window.with_linear(rows * self.uncertain.deviations / noise, off / noise)
         return estimate_of(estimate, window)
 
+    @one_thread()
     def reopened(self, estimate: Estimate, position: float, rotation: float, *,
                  kink: float = 0.0, camera: float = 0.0, cutout: float = 0.0) -> Estimate:
         """Return the Estimate in which the DLO may have slipped in the gripper, or been bent.
