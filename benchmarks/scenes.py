@@ -190,7 +190,7 @@ def drawn(name: str, seed: int) -> Scene:
     other = Rod(rod.length, heavier * rod.mass_per_length,
                 stiffer * np.array(rod.bending_stiffness), stiffer * rod.torsional_stiffness,
                 radius=rod.radius)
-    if rod.section is not None and rod.section.kind != 'circular':
+    if rod.section is not None and rod.section.kind == 'rectangular':
         other = rod
     return other, [replace(one, friction=rng.uniform(0.2, 0.8)) for one in bodies], poses
 
@@ -218,7 +218,7 @@ def distances(points: Floats, body: Obstacle) -> Floats | None:
 
 def deepest(shape: Shape, rod: Rod, bodies: Iterable[Obstacle]) -> float:
     """Return how deep the surface of a round DLO is in a body, m; nan of other DLOs."""
-    if rod.section is not None and rod.section.kind != 'circular':
+    if rod.section is not None and rod.section.kind == 'rectangular':
         return float('nan')
     s = np.linspace(0.0, rod.length, POINTS * len(shape.element_strains) + 1)
     points = shape.positions_at(s[s > 2e-3 * rod.length])

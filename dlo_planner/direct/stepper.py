@@ -400,6 +400,9 @@ class Stepper:
         row = now.row._replace(nodes=buffer.nodes[:, PAST].copy(), energies=energies,
                                bends=buffer.bends[:, PAST].copy(), impulsive=0,
                                **{name: getattr(buffer, name)[PAST].copy() for name in _WRENCHES})
+        if now.place > 0.0 and not len(now.row.contacts) and buffer.starts[1].any():
+            # it lands in that time: what stops it is no force that grips exert all along a step
+            row = row._replace(**{name: getattr(now.row, name) for name in _WRENCHES})
         freeze(row)
         return replace(now, row=row, given=now.shape)
 

@@ -27,7 +27,7 @@ from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.problem import Configuration, Problem, hinged, new_configuration
 from dlo_planner.energy.terms import row_count
 from dlo_planner.geometry.kinematics import point_inside
-from dlo_planner.geometry.record import copy, replaced
+from dlo_planner.geometry.record import copy, put_sum, replaced
 from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.kernels.interruption import interrupted
@@ -45,11 +45,12 @@ from dlo_planner.minimize.contact_table import (
     with_stiffness,
 )
 from dlo_planner.minimize.convergence import TOUCHING, Minimum, as_rounded, gradient_noise
-from dlo_planner.minimize.hessian import is_definite
+from dlo_planner.minimize.hessian import assemble, is_definite, largest_turn, new_hessian
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import (
     HARDLY,
     HELD_NEUTRAL,
+    KICK_TURN,
     WELL_STABLE,
     leave_saddle,
     minimize,
@@ -72,7 +73,13 @@ from dlo_planner.minimize.semismooth import (
 from dlo_planner.model.arrays import Floats
 from dlo_planner.progress import uninterrupted
 
-_FIRM = 1e2      # times the stiffness of contacts' springs, where they are to hardly give
+_WEAK = 1e-6     # times the same: springs that do nothing beside the forces that are known
+# Of a buckling force, and of how far a DLO buckles: how nearly they are known where Newton's method
+# finds the rest; by so many bisections at most, of what may be smaller by so many powers of two
+_ABOUT, _BISECTIONS = 0.05, 40
+# Times the stiffness of contacts' springs, where they are to hardly give; how often, as where a DLO
+# has hardly buckled yet, and is held along itself alone; a part of an eigenvalue that is left then
+_FIRM, _MOST_FIRM, _HARDLY = 1e2, 3, 0.5
 COARSER = 10.0  # times the tolerance: the rounding errors of contact forces leave no more of it
 _ON_A_WAY = 1e-7  # of the length: who allows a violation as large wants no equilibrium
 # A DLO so deep inside, of the length, is pressed out: at first, and where it came out nowhere; in
@@ -257,6 +264,10 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
         kicks += flow[2] > farthest
         if on_a_way or flow[2] > farthest:
             break
+        if moves_on and kicks < _MOST_KICKS:
+            buckles, its = _buckles(there, begin, tolerance, exact, beside)
+            if buckles:
+                kicks, there, begin = kicks + 1, its, beside.copy()
     state = new_configuration(there)
     copy(begin, state.q)
     place(there, state)
@@ -350,6 +361,13 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
             break
         rests, stands = False, True
         firm, state, residual, violation = _at_end(there, q, given)
+        if has_inertia(system.effects.anchor):
+            buckles, its = _buckles(firm, state.q, tolerance, exact, kicked)
+            if buckles:
+                rests, state, residual, stability, moves, loaded, violation = _at_once(
+                    its, kicked, rests, tolerance, exact, check, previous)
+                return (rests, state, residual, stability, steps + moves, kicks + 1, loaded,
+                        violation)
         if falls and check:
             stability, mode = _judged(firm, state, tolerance, exact)
             stands = stability > -HELD_NEUTRAL
@@ -585,9 +603,65 @@ def _judged(system, state, tolerance, exact):
     Springs of contacts that give let a DLO seem less stable than it is, never more.
     """
     stability, mode = _lowest(system, state, tolerance, exact)
-    if stability <= -HELD_NEUTRAL:
-        stability, mode = _lowest(_stiffened(system, state, _FIRM), state, tolerance, exact)
+    for _ in range(_MOST_FIRM):
+        if stability > -HELD_NEUTRAL:
+            break
+        before, system = stability, _stiffened(system, state, _FIRM)
+        stability, mode = _lowest(system, state, tolerance, exact)
+        if stability < _HARDLY * before:  # it is not the springs
+            break
     return stability, mode
+
+
+@kernel
+def _buckles(system, q, tolerance, exact, beside):
+    """Whether a DLO rests at q (m, 3) though it is pressed into an obstacle, and has to buckle.
+
+    One that is straight and pressed along itself yields to second order alone: its forces grow, and
+    nothing moves. If so, `beside` (m, 3) is where it is bent by the mode in which it buckles first,
+    as far as it is pressed in, and the Problem returned has about the forces that do so. The side
+    is arbitrary, but always the same.
+    """
+    state, residual, table, violation = kkt_residual(system, q)
+    if not (residual < tolerance and violation > exact and table.gap.size):
+        return False, system
+    normal, shear = forces(table, state)
+    given = system.effects.contact.contacts
+    weak = with_stiffness(system, _WEAK * given.stiffness, _WEAK * given.grip)
+    put_forces(weak, table, 0.0 * normal, 0.0 * shear)
+    if not kkt_residual(weak, q)[1] < tolerance:  # forces move it
+        return False, system
+    put_forces(weak, table, normal, shear)
+    stability, mode = _lowest(weak, state, tolerance, exact)
+    if not stability <= -HELD_NEUTRAL:
+        return False, system
+    least, most = 0.0, 1.0  # parts of the forces under which it stands, and does not
+    for _ in range(_BISECTIONS):
+        part = 0.5 * (least + most)
+        put_forces(weak, table, part * normal, part * shear)
+        stability, its = _lowest(weak, state, tolerance, exact)
+        if stability <= -HELD_NEUTRAL:
+            most, mode = part, its
+        else:
+            least = part
+        if most - least < _ABOUT * most:
+            break
+    hessian, trial = new_hessian(system), new_configuration(system)
+    assemble(system, state, hessian)
+    reach = KICK_TURN / max(largest_turn(system, hessian, mode), 1e-12)
+    inside, outside = 0.0, 1.0  # parts of that, at which it still is pressed in, and is not
+    for _ in range(_BISECTIONS):
+        part = 0.5 * (inside + outside)
+        put_sum(state.q, part * reach, mode, trial.q)
+        if deepest(kkt_residual(weak, trial.q)[2]) > exact:
+            inside = part
+        else:
+            outside = part
+        if outside - inside < _ABOUT * outside:
+            break
+    put_sum(state.q, inside * reach, mode, beside)
+    put_forces(weak, table, most * normal, most * shear)
+    return True, with_stiffness(weak, given.stiffness, given.grip)
 
 
 @kernel

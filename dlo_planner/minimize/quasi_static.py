@@ -33,6 +33,7 @@ from dlo_planner.energy.gap import (
     taper,
 )
 from dlo_planner.energy.grip import move_multipliers
+from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.potential import project
 from dlo_planner.energy.problem import (
     bending_energy,
@@ -100,6 +101,7 @@ _NEARLY, _FIRMER = 1e-4, 1e-2
 # A DLO has left a saddle once it has turned by so much, rad, or after so many steps: before, a step
 # of Newton's method would lead back; with more, another equilibrium is near
 _AWAY, _LEAVING = 0.1, 40
+_NOTHING = 1e-12  # rad: a step that turns nodes by less moves nothing
 _DEEPER = 0.3     # of a step: how much deeper than foreseen it may bring a contact
 _DEEPEST = 2e-3   # of the length, about a radius: the same, however far it goes. Deeper in a thin
 # body the other side is nearer
@@ -148,6 +150,7 @@ def settle(system, q, previous, rough, most, farthest, flow):
     lost = grows = 0  # steps in which it did not, and in a row that have left more to be balanced
     floor, largest, worked, gone = _FLOOR * least, _MOST_SHIFT * least, np.zeros(1), 0.0
     away = _AWAY if flow[1] == 0.0 else 0.0
+    moves_on = has_inertia(system.effects.anchor)
     while steps < most and shift < largest and gone <= farthest:
         if farthest < np.inf and lost >= _LOST and grows >= _GROWS:
             gone = np.inf
@@ -159,6 +162,11 @@ def settle(system, q, previous, rough, most, farthest, flow):
         # (what has gone along with its gripper is in balance, but may rub the wrong way)
         if known and made and residual < rough and deepest(table) < (
                 max(_DEPTH * rough, 2.0 * _FINE) * length):
+            break
+        # (what is straight and pressed along itself yields to second order alone: it has to buckle;
+        # at rest a column leaves its saddle by the shift)
+        if (moves_on and made and residual < rough and last < _NOTHING
+                and deepest(table) > _DEPTH * rough * length):
             break
         steps += 1
         if is_to_end(worked, system, _COST):

@@ -536,6 +536,47 @@ def test_a_column_that_lands_fast_buckles_in_waves_that_no_short_series_knows():
     assert motion.converged and motion.shapes[-1].contacts
 
 
+STRIP = Rod.rectangular(0.4, 0.02, 0.0005, 7850, 2.0e11, 0.3)
+COPPER = Rod.circular(1.0, 1.5e-3, 8960, 110e9, 0.34, damping=(0.0, 1e-3))
+
+
+@pytest.mark.parametrize(('thing', 'dt', 'gap', 'way', 'mesh'), [
+    # on four edges at once, in a step that buckles by hundredths of a millimeter
+    (STRIP, 7.75e-3, 0.0493, 0.09, {'n_elements': 48, 'basis': 'local'}),
+    # it lands while rates are renewed: no such force acts along a step
+    (COPPER, 5.065e-4, 5.15e-3, 0.0115, {}),
+])
+def test_columns_buckle_in_short_steps(thing, dt, gap, way, mesh):
+    t = np.linspace(0, 1, 61)
+    poses = [Pose.looking_along((0, 0, thing.length + gap - z), (0, 0, -1))
+             for z in way * (t - np.sin(2 * np.pi * t) / (2 * np.pi))]
+    motion = DirectSimulator(thing, obstacles=[Plane((0, 0, 0), (0, 0, 1), 0.4)], **mesh).simulate(
+        poses, dt)
+    assert motion.converged, motion.message
+    last = motion.shapes[-1]
+    assert any(one.contacts for one in motion.shapes)
+    assert np.linalg.norm(last.positions[:, :2], axis=1).max() > 1e-3
+    # an impact takes about what the grip does against the force that buckles it; none makes energy
+    assert motion.work.max() < 1.0
+    assert motion.numerical_loss.min() > -1e-3 * np.ptp(motion.potential_energy)
+
+
+def test_what_lands_while_rates_are_renewed_is_no_force_of_the_grips():
+    # its work would be some joules, of a wire of 16 g
+    poses = [Pose.looking_along((0, 0, z), (0, 0, -1)) for z in 1.0 - 1e-3 * np.arange(4)]
+    floor = Plane((0, 0, -1e-3 - COPPER.radius - 1e-5), (0, 0, 1))
+    direct = DirectSimulator(COPPER, obstacles=[floor], n_elements=16, basis='local')
+    shape = direct.solve(poses[0])
+    stepper = Stepper(shape.mesh, BoundaryMotion(GripTrajectory(poses, 1e-3, False)), 1e-3)
+    now = stepper.begin(shape, np.tile([0.0, 0.0, -1.0], (17, 1)))
+    now = stepper.steps(now, (), np.array([1.0]), Scheme('generalized_alpha', 1e-3),
+                        Acceptance()).last
+    assert now.place == 1.0 and not len(now.row.contacts)
+    renewed = stepper.resized(now, 5e-4)
+    assert np.abs(renewed.row.wrenches).max() < 1.0
+    assert np.abs(renewed.row.mean_wrenches).max() < 1.0
+
+
 def test_a_strip_that_tilts_on_its_edge_makes_no_energy():
     strip = Rod.rectangular(0.5, 1e-2, 1e-3, density=7800, youngs_modulus=2e11, poisson_ratio=0.3)
     motion = lowered(strip, 0.8, seconds=0.8)
