@@ -23,7 +23,13 @@ import numpy as np
 
 from dlo_planner.direct.discretization import SAMPLES, stretched
 from dlo_planner.direct.energy_balance import work_of_grips
-from dlo_planner.direct.equilibrium import AlongWay, equilibrium, error_of_way, past_of
+from dlo_planner.direct.equilibrium import (
+    AlongWay,
+    equilibrium,
+    error_of_fall,
+    error_of_way,
+    past_of,
+)
 from dlo_planner.direct.grips import Grips, frame_inside, grips_at
 from dlo_planner.direct.self_passage import has_passed
 from dlo_planner.direct.shape import LYING, Shape
@@ -124,7 +130,7 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
                 if last or way.size <= _OFF or shape.passed_itself is False:
                     return shape  # else shorter ways tell whether it really does
         elif last:
-            return _led(previous, _jumped(shape))
+            return _led(previous, _fallen(previous, shape))
         elif ((good or in_contact and _keeps_energy(previous, shape))
               and not _is_long(way, touches, at_once)
               and not (way.size > _OFF and _comes_off(previous, shape))):
@@ -162,7 +168,8 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
     if not middle.converged:
         if shape is None and not (whole and lying):
             return _jumped(middle)
-        return _led(previous, _jumped(_to_its_end(take, previous, goal, shape, most, whole)))
+        return _led(previous, _fallen(previous, _to_its_end(
+            take, previous, goal, shape, most, whole)))
     while True:
         fell_and_lies = middle.jumped and len(middle.contacts) >= LYING
         if not whole and (fell_and_lies or middle.jumped and left >= _AFTER
@@ -177,7 +184,8 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
         if not rest.converged and (whole and lying if shape is None else
                                    whole or shape.converged):
             # the whole step may have an end, which its parts do not reach
-            return _led(previous, _jumped(_to_its_end(take, previous, goal, shape, most, whole)))
+            return _led(previous, _fallen(previous, _to_its_end(
+                take, previous, goal, shape, most, whole)))
         short = rest.jumped and _way(rest, goal).size > _THERE
         jumped, passed = rest.jumped or middle.jumped, _either(middle, rest)
         if (not short and shape is not None and shape.converged and shape.state.culled
@@ -191,18 +199,29 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
         middle = _jumped(rest)
 
 
-def _with_error_of_way(previous: Shape, shape: Shape) -> Shape:
-    """Return a Shape that knows the error of its way from a previous one, in two halves."""
+def _with_error_of_way(previous: Shape, shape: Shape,
+                       error: Callable[..., float] = error_of_way) -> Shape:
+    """Return a Shape that knows the error of its way from a previous one, by an `error`."""
     mesh = shape.state.mesh
     if mesh is None:
         return shape
     strains = previous.element_strains
     if not mesh.has_nodes(previous.s):
         strains = mesh.strains_from(previous.s, strains)
-    way = partial(error_of_way, mesh, shape.gripper, shape.positions, previous.gripper, strains,
+    way = partial(error, mesh, shape.gripper, shape.positions, previous.gripper, strains,
                   past_of(mesh, previous, None), shape.holds)
     return changed(shape, state=changed(
         shape.state, estimate=AlongWay(shape.state.estimate, (way,))))
+
+
+def _fallen(previous: Shape, shape: Shape) -> Shape:
+    """Return a Shape that a DLO has fallen into in a step from a previous one: it says so.
+
+    What hangs freely does not remember its way, nor does what slides through rings lie anywhere.
+    """
+    if shape.jumped or not (shape.converged and shape.contacts) or shape.state.feed is not None:
+        return _jumped(shape)
+    return _with_error_of_way(previous, _jumped(shape), error_of_fall)
 
 
 def _after_way(middle: Shape, shape: Shape) -> Shape:

@@ -348,7 +348,7 @@ def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: F
 
 
 class AlongWay(NamedTuple):
-    """The error of a Shape that depends on its way, as where it rubs: that of its mesh, and theirs.
+    """The error of a Shape of its mesh, and of its way, where it rubs or fell.
 
     Called, it returns their sum in m.
     """
@@ -379,6 +379,20 @@ def error_of_way(mesh: Discretization, gripper: Pose, positions: Floats, before:
                         how=how._replace(steps=min(how.steps, _WHOLE)),
                         watch=UNWATCHED._replace(rotation=before.rotation))
     return _largest(whole.positions - positions) if whole.converged else np.inf
+
+
+def error_of_fall(mesh: Discretization, gripper: Pose, positions: Floats, before: Pose,
+                  strains: Floats, past: Memory, holds: Holds) -> float:
+    """Return how far, in m, nodes are from where a DLO lands that falls from as near to a Shape.
+
+    Where it lands among obstacles depends on all that it meets on the way. With halved elements it
+    meets that in another order, and friction may hold it somewhere else. Infinite where it does not
+    come to rest. Arguments as of `error_of_way`, of a fall in one step.
+    """
+    finer = mesh.finer
+    there = equilibrium(finer, gripper, np.repeat(strains, 2, axis=0), finer.past(past), holds,
+                        watch=UNWATCHED._replace(rotation=before.rotation))
+    return _largest(there.positions[::2] - positions) if there.converged else np.inf
 
 
 def halved(mesh: Discretization, gripper: Pose, strains: Floats, before: Memory,

@@ -628,7 +628,10 @@ class Shape(Pictured):
         least the largest one of the steps that made its permanent set; of a set that a motion made
         nothing is known here, see `Motion.error_estimate`. Where a DLO lies on something, steps are
         made in two halves, as friction depends on the way: by how much these are from the whole
-        step is added; that takes as long as the step.
+        step is added; that takes as long as the step. Where a DLO has fallen onto obstacles or
+        along them it may have landed elsewhere: by how much a fall with halved elements ends
+        elsewhere is added, which takes up to four times as long as the fall. Later steps start
+        from where it landed, and say nothing of that.
         """
         history = self.state.history
         if history is not None and history.hinge >= 0.0:

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A cable on a table: in one grip and in two, on the mesh of the default accuracy."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -147,3 +149,23 @@ def test_forces_go_along_to_another_mesh():
             assert other == pytest.approx(one, rel=1e-9)
         assert (there.node_force[:, 0] == 0).all()
     assert (past.resampled(past.s).node_force == past.node_force).all()
+
+
+def test_what_has_fallen_says_how_far_from_there_it_may_have_landed():
+    # on elements of another length it meets a table, or a wall, in another order
+    away, told, by_mesh = [], [], []
+    for name in ('laid', 'cable-corner'):
+        rod, bodies, poses = drawn(name, 1)
+        direct, other = (DirectSimulator(rod, obstacles=bodies, gravity=GRAVITY, basis='local',
+                                         n_elements=count) for count in (64, 80))
+        shapes, places = direct.track(poses[:13]), np.linspace(0.0, rod.length, 41)
+        for before, shape in pairwise(shapes):
+            if shape.jumped and shape.contacts:
+                there = other.solve(shape.gripper, before)
+                away.append(np.linalg.norm(shape.positions_at(places) - there.positions_at(places),
+                                           axis=1).max() / rod.length)
+                told.append(shape.error_estimate / rod.length)
+                by_mesh.append(shape.state.estimate.on_mesh() / rod.length)
+    assert max(away) > 0.01
+    assert (np.array(away) < 10.0 * np.array(told)).all()
+    assert not (np.array(away) < 10.0 * np.array(by_mesh)).all()
