@@ -57,7 +57,7 @@ _STEPS = 40           # of Newton's method at most
 _TRIALS = 12          # halvings of one
 _EXACT = 1e-8         # of the length: a step as small changes nothing, where
 _ROUGHLY = 1e-6       # of the largest force speaks against a place
-_UNSEEN = 1e-10       # of the length: a step as small makes nothing less, where the last one did not
+_UNSEEN = 1e-10       # of the length: a step as small is none, where the last one made nothing less
 _NOISE = 1e-6         # the same, of one that does not make less what speaks against a place
 _BALANCED = 1e-9      # of the largest force: what may speak against a place at the end
 # of the length: by which places are moved to see how D answers, to both sides; and of what parts
