@@ -274,9 +274,9 @@ class State:
         state = replace(state, strong_since=since)
         if heard.arrived - since < limit:
             return state
-        return state.stopped(Cause.PULL, f'measured_wrench: the gripper pulls with {heard.force:.3g} '
-                             f'N, for constraints.pull_time = {limit:g} s: from {most:.3g} N on '
-                             'a fitting may bear more than it can')
+        return state.stopped(Cause.PULL, 'measured_wrench: the gripper pulls with '
+                             f'{heard.force:.3g} N, for constraints.pull_time = {limit:g} s: '
+                             f'from {most:.3g} N on a fitting may bear more than it can')
 
     def _pull_borne(self) -> float:
         """Return from which force of the gripper on, N, a fitting may bear too much now."""
