@@ -377,7 +377,7 @@ class TrajectoryStreamer(Part):
             self.store.change(lambda state: state.with_enabled(enabled))
 
     def _on_wrench(self, msg: WrenchStamped) -> None:
-        with self.status.answering('measured_wrench', counter='wrenches refused', told=False):
+        with self.status.answering('measured_wrench', told=False):
             force = msg.wrench.force
             heard = Pull(float(np.linalg.norm((force.x, force.y, force.z))), monotonic())
             if not np.isfinite(heard.force):
