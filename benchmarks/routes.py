@@ -20,11 +20,13 @@ from dlo_planner import (
     FarEnd,
     Infeasible,
     InverseSimulator,
+    Limits,
     Plan,
     Plane,
     Pose,
     Rod,
     Shape,
+    Trajectory,
     Uncertainty,
     robustness,
 )
@@ -40,6 +42,7 @@ _HAND = 500.0   # N/m: how stiff the hand is that leads it
 # another cable of its kind, a camera's and a robot's errors
 OTHERS = Uncertainty(bending_stiffness=0.2, torsional_stiffness=0.2, mass=0.02, length=1e-3,
                      gripper_position=3e-4, gripper_rotation=5e-3)
+_LIMITS = Limits(linear_speed=0.2, angular_speed=1.0)  # of the hand
 _APART = 2e-3   # m: how far the cable stays from the board and what stands ahead
 
 
@@ -102,6 +105,8 @@ def runs(kinds: list[str], seeds: range, samples: int) -> Iterator[str]:
                 yield f'{kind} {seed}: {process_time() - begin:.1f} s CPU, refused: {error}'
                 continue
             seconds.append(process_time() - begin)
+            motion = sum(Trajectory(stage, _LIMITS, tolerance=np.inf).duration
+                         for stage in plan.stage_plans)
             again, off = led_again(simulator, plan)
             planned += 1
             leaps += again
@@ -113,7 +118,7 @@ def runs(kinds: list[str], seeds: range, samples: int) -> Iterator[str]:
                 lost = sum(np.isinf(found.sampled).any(axis=1))
                 through = f'{found.success:.2f}, {lost} lost, {process_time() - begin:.0f} s'
             yield (f'{kind} {seed}: {seconds[-1]:.1f} s CPU, {len(plan)} waypoints, '
-                   f'{plan.times[-1]:.0f} s, {again} leaps on finer elements, off by '
+                   f'{motion:.0f} s of motion, {again} leaps on finer elements, off by '
                    f'{1e3 * off:.2f} mm, clearance {1e3 * plan.clearance.min():.1f} mm, at most '
                    f'{plan.largest_force.max():.2f} N; gets through: {through}')
         yield (f'{kind}: {planned} of {len(seeds)} planned, {leaps} leaps, off by at most '

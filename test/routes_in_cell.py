@@ -43,9 +43,10 @@ from dlo_planner.cell.hand import InHand  # noqa: E402
 from dlo_planner.cell.plant import STEP  # noqa: E402
 from dlo_planner.cell.robot import nearer  # noqa: E402
 from dlo_planner.cell.truth import Unknowns  # noqa: E402
+from dlo_planner.execute.pull import pulls_borne  # noqa: E402
 from dlo_planner.identify.entries import centered, seen_miss  # noqa: E402
 from dlo_planner.model.pose import displaced  # noqa: E402
-from dlo_planner.tasks import Clip  # noqa: E402
+from dlo_planner.tasks import Clip, Route  # noqa: E402
 
 PERIOD = 0.02   # s
 CELLS = 80
@@ -61,7 +62,6 @@ UNKNOWN = Unknowns(0.02, 0.01, natural_curvature=np.array([0.02]), length=3e-4,
 LESS_KNOWN = replace(UNKNOWN, stiffness=0.2)
 FIRMLY = 1.5    # times the push of a fitting, with which it is planned to be pressed into
 BEARS = 4.0     # times its push: what a fitting bears
-LEAST_STEEP = 0.02  # rad: what is led more nearly level counts as that
 LASTS = 5       # periods: a pull that lasts no longer is that of a cable that swings
 ON, MOST_ON = 5e-4, 6e-3  # m: steps in which a gripper presses on, and how far at most
 PLACED = 1e-4   # m, standard deviation of where a fitting is
@@ -211,20 +211,11 @@ class Run:
             lead(here, there, pressing, pressing, 10)
         lead(there, end, pressing, resting, 50)
 
-    def bound(self, stage, k):
-        """Bound the force of the gripper while it presses by what the fitting bears.
-
-        What it pulls more than planned draws the cable straight, and presses it down as steeply as
-        the gripper stands below the seat.
-        """
-        at, fitting = stage.stops[0] if stage.stops else len(stage) - 1, self.fittings[k]
-        push = next(wrench[:3] @ fitting.outwards for hold, wrench in zip(
-            stage.shapes[at].holds, stage.shapes[at].wrenches, strict=True)
-            if hold.by == f'{fitting.word} {k + 1}')
-        way = fitting.pose.position - stage.grippers[at].position
-        steep = max(way @ fitting.outwards / np.linalg.norm(way), LEAST_STEEP)
-        self.most = (np.linalg.norm(stage.wrenches[at, 0, :3])
-                     + (BEARS * fitting.push - push) / steep)
+    def bound(self, stage):
+        """Bound the force of the gripper while it presses by what the fitting bears."""
+        at = stage.stops[0] if stage.stops else len(stage) - 1
+        task = Route([replace(one, bears=BEARS * one.push) for one in self.fittings])
+        self.most = pulls_borne(task, stage)[at]
 
     def miss(self, k):
         """Return how far the cable is from the middle of a fitting, m."""
@@ -249,7 +240,7 @@ def executed(direct, task, plan, motions, seed, looks=False, **unknown):
             looks and name.startswith('enter')) else -1
         i, moved, run.most = 0, run.twist, np.inf
         if k is not None:
-            run.bound(stage, k)
+            run.bound(stage)
         while i < len(poses):
             if k is not None:  # the prongs hold it: as it presses it is as planned again
                 run.twist = max(0.0, 1 - i * PERIOD / FADES) * moved

@@ -205,7 +205,8 @@ def _guards(values: Mapping[str, Any]) -> Guards:
                   values['constraints.goal_time'], values['cmd_timeout'],
                   values['incoming_command_timeout'], values['decelerate_on_cancel'],
                   values['execute.longest_pause'], values['execute.enable_timeout'],
-                  'joint_states' if values['execute.through'] == 'joints' else 'gripper_pose')
+                  'joint_states' if values['execute.through'] == 'joints' else 'gripper_pose',
+                  values['constraints.pull_time'])
 
 
 def _seeing(values: Mapping[str, Any]) -> EstimatorConfig:

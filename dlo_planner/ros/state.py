@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from threading import Lock
 from typing import Any, NamedTuple
 
@@ -19,7 +20,9 @@ from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import EXACT, Execution, blend_from_current_pose, called
 from dlo_planner.execute.guards import Enabled, Feedback
 from dlo_planner.execute.limiter import used_by
+from dlo_planner.execute.pull import Pull, pulls_borne
 from dlo_planner.inverse.task import Task
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.holds import BORE, FarEnd, Holds
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.plan import Plan
@@ -85,6 +88,11 @@ class PlanResult:
         moved = (self.whole or self.plan).arms
         return {arm_of(hold): hold.pose for hold in self.plan.shapes[0].holds
                 if arm_of(hold) in moved}
+
+    @cached_property
+    def pulls_borne(self) -> Floats:
+        """(n,) forces of the gripper, N, from which on a fitting may bear more than it can."""
+        return pulls_borne(self.task, self.plan)
 
     @property
     def far_end(self) -> Pose | None:
@@ -166,6 +174,8 @@ class State:
     others: int = 0  # plans made since an execution began that differ from the one before
     askers: frozenset[str] = frozenset()  # the nodes that may have asked for them
     enabled: Enabled | None = None      # what was heard last of whether the gripper may move
+    pull: Pull | None = None            # the last one that was measured
+    strong_since: float | None = None   # s, steady, since when it may be more than a fitting bears
 
     @property
     def gripper(self) -> Pose | None:
@@ -254,6 +264,38 @@ class State:
         """Return the State after it was heard whether the gripper may move."""
         return replace(self, enabled=enabled)
 
+    def with_pull(self, heard: Pull) -> State:
+        """Return the State after a Pull was measured; one that lasts ends what is executed."""
+        state, most = replace(self, pull=heard), self._pull_borne()
+        limit = self.scene.guards.pull_time
+        if not limit or heard.force <= most:
+            return replace(state, strong_since=None)
+        since = heard.arrived if self.strong_since is None else self.strong_since
+        state = replace(state, strong_since=since)
+        if heard.arrived - since < limit:
+            return state
+        return state.stopped(Cause.PULL, 'measured_wrench: the gripper pulls with '
+                             f'{heard.force:.3g} N, for constraints.pull_time = {limit:g} s: '
+                             f'from {most:.3g} N on a fitting may bear more than it can')
+
+    def _pull_borne(self) -> float:
+        """Return from which force of the gripper on, N, a fitting may bear too much now."""
+        if self.execution is None or self.running is None or not self.executing:
+            return np.inf
+        at = self.execution.way.progress([max(self.execution.done, 0.0)])
+        return float(np.interp(at, self.running.plan.times, self.running.pulls_borne)[0])
+
+    def _pull_lost(self, now: float) -> str:
+        """Return in words that a pull was measured and is not any more, '' if nothing is wrong."""
+        guards = self.scene.guards
+        limit = guards.incoming_command_timeout
+        if self.pull is None or not limit or not guards.pull_time or (
+                now - self.pull.arrived <= limit or self._pull_borne() == np.inf):
+            return ''
+        return (f'measured_wrench: the last one is {now - self.pull.arrived:.3g} s old: expected '
+                f'incoming_command_timeout = {limit:g} s at most, so that no fitting bears more '
+                'than it can')
+
     def with_shape(self, shape: Shape, before: State) -> State:
         """Return the State with a Shape that was found from the State `before`."""
         if self.resets != before.resets:
@@ -323,7 +365,13 @@ class State:
             for name, other in zip(hands, others, strict=True)))
         return replace(self.grasped(self.planned.plan.shapes[0]), execution=execution,
                        running=self.planned, looking=None, latest=None, others=0,
-                       askers=frozenset())
+                       askers=frozenset(), pull=self.pull_lately(now), strong_since=None)
+
+    def pull_lately(self, now: float) -> Pull | None:
+        """Return the Pull that was measured lately at `now` s, steady; None: nobody measures."""
+        limit = self.scene.guards.incoming_command_timeout
+        fresh = self.pull is not None and (not limit or now - self.pull.arrived <= limit)
+        return self.pull if fresh else None
 
     def after_loop_tick(self, before: Execution | None, execution: Execution,
                         looking: Looking) -> State:
@@ -339,7 +387,10 @@ class State:
         """Return the State with the next command, at `now` s, `stamp` s on the stamps' clock."""
         if self.execution is None:
             return self
-        return self._with_execution(self.execution.tick(
+        lost = self._pull_lost(now)
+        state = self.stopped(Cause.PULL, lost) if lost else self
+        assert state.execution is not None  # as before
+        return state._with_execution(state.execution.tick(
             now, self.feedback, stamp, self.enabled, self.heard))
 
     @property

@@ -27,6 +27,7 @@ from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.execute.execution import LEAD, Ahead, Execution
 from dlo_planner.execute.guards import Enabled
 from dlo_planner.execute.loop_motions import Entry, GripperMotion, LoopTask
+from dlo_planner.execute.pull import Pull
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.estimator import DloEstimator
@@ -135,6 +136,17 @@ def open_loop_warning(state: State, observing: DloEstimator | None) -> str:
     return '' if observing is not None else (
         'in open loop: no cloud of the DLO was taken in on ~/observed_points shortly before, so '
         'that it is neither observed before the cut-out nor corrected')
+
+
+def unwatched(state: State) -> str:
+    """Return in words that nobody measures what the fittings of a plan are to bear; '' if one does.
+
+    Or if they say nothing of it.
+    """
+    if state.running is None or state.pull is not None or np.isinf(state.running.pulls_borne).all():
+        return ''
+    return ('no force came on ~/measured_wrench shortly before: that no fitting bears more than it '
+            'can is known of the plan alone')
 
 
 class ClosedLoopDrive:
@@ -275,6 +287,7 @@ class TrajectoryStreamer(Part):
         self._wrench_out = node.add_publisher(WrenchStamped, '~/gripper_command_wrench', REQUEST)
         self._out = node.add_publisher(DiagnosticStatus, '~/execution', LATCHED)
         node.add_newest(Bool, '~/enable', self._on_enable)
+        node.add_newest(WrenchStamped, '~/measured_wrench', self._on_wrench)
         node.add_service(Trigger, '~/execute', self._on_execute, commands)
         node.add_service(GetPlan, '~/execute_plan', self._on_execute_plan, commands)
         node.add_service(Trigger, '~/cancel', self._on_cancel, control)
@@ -346,7 +359,8 @@ class TrajectoryStreamer(Part):
             outcome.message = f'{duration:.1f} s on {where}' + (
                 '' if self._loop is None else ', or longer: it observes the DLO before it goes')
             assert state.proof is not None and state.proof.report is not None  # it was proved
-            outcome.warning = open_loop_warning(state, observing) or state.proof.report.reason
+            outcome.warning = (open_loop_warning(state, observing) or unwatched(state)
+                               or state.proof.report.reason)
             outcome.values = {'duration [s]': duration, 'arms': ', '.join(
                 one.name for one in execution.arms), 'plan stamp': stamp_text(state.running.stamp)}
             speed, tolerance = scene.limits.linear_speed, scene.guards.path_position
@@ -361,6 +375,15 @@ class TrajectoryStreamer(Part):
         with self.status.answering('enable', told=False):
             enabled = Enabled(msg.data, monotonic())
             self.store.change(lambda state: state.with_enabled(enabled))
+
+    def _on_wrench(self, msg: WrenchStamped) -> None:
+        with self.status.answering('measured_wrench', told=False):
+            force = msg.wrench.force
+            heard = Pull(float(np.linalg.norm((force.x, force.y, force.z))), monotonic())
+            if not np.isfinite(heard.force):
+                raise Refused(Cause.INVALID_REQUEST, 'measured_wrench.wrench.force = '
+                              f'{[force.x, force.y, force.z]}: expected finite numbers, N')
+            self.store.change(lambda state: state.with_pull(heard))
 
     def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self.status.answering('cancel', answer=response) as outcome:

@@ -22,7 +22,7 @@ from dlo_planner import CutOut, FarEnd, Pose
 from dlo_planner.execute.causes import Cause
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.settings.tasks import task_to_yaml
-from dlo_planner.tasks import Carry, Fork, Route, ThreadInGrasps
+from dlo_planner.tasks import Carry, Clip, Fork, Route, ThreadInGrasps
 from msg_helpers.poses import pose_from_msg
 
 OVERRIDES = {**WIRE, 'far_end.hold': 'clamped', 'far_end.timeout': 60.0,
@@ -301,3 +301,36 @@ def test_a_route_is_carried_out_stage_by_stage(inside, node):
         assert 'is the last stage' in inside.trigger('next_stage').message
         inside.trigger('reset')
         assert inside.set_parameters(far_end__hold='clamped')[0].successful
+
+
+def test_a_hand_that_pulls_harder_than_a_fitting_bears_is_stopped(inside, node):
+    inside.trigger('reset')
+    start = Pose.looking_along((0.1, -0.2, 1.0), (1.0, 0.3, 0.2))
+    seat = Pose.looking_along((0.55, 0.0, 0.95), (1.0, 0.1, 0.0))
+    wrench = WrenchStamped()
+    out = inside.node.create_publisher(WrenchStamped, f'{inside.planner}/measured_wrench', 1)
+    timer = inside.node.create_timer(0.02, lambda: out.publish(wrench))
+    with robots(inside, gripper=start):
+        assert inside.set_parameters(far_end__hold='free')[0].successful
+        assert until(lambda: state(node).feedback is not None
+                     and np.allclose(state(node).pose.matrix, start.matrix))
+        told(inside, Route([Clip(seat, bears=0.5)]))
+        wrench.wrench.force.z = 50.0  # what is measured before a fitting holds the DLO is all one
+        for _ in range(2):
+            begin(inside)
+            code, message = ended(inside)
+            assert code == 0, message
+            assert inside.trigger('next_stage').success
+            code, said, _ = inside.status_of('proof', PATIENCE)
+            assert code == 0, said
+        assert until(lambda: state(node).pull is not None and state(node).pull.force == 50.0)
+        begin(inside)
+        code, message = ended(inside)
+        assert code == Cause.PULL, message
+        assert 'the gripper pulls with 50 N' in message and 'a fitting may bear' in message
+        stopped = state(node).execution
+        assert stopped.phase == 'stopped' and stopped.done < stopped.way.duration
+    inside.node.destroy_timer(timer)
+    inside.node.destroy_publisher(out)
+    inside.trigger('reset')
+    assert inside.set_parameters(far_end__hold='clamped')[0].successful

@@ -15,6 +15,7 @@ from dlo_planner import FarEnd, Hold, Infeasible, InvalidTask, Pose, Sphere, rep
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Feedback
 from dlo_planner.execute.guards import Enabled, Guards
+from dlo_planner.execute.pull import Pull
 from dlo_planner.identify.estimator import EstimatorConfig
 from dlo_planner.plan.plan import PlanStatus, truncate
 from dlo_planner.plan.requirements import Limits
@@ -22,6 +23,7 @@ from dlo_planner.ros.plan import explained, make_plan, through
 from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import PlanResult, Proof, State, Store, carried, ready
+from dlo_planner.ros.streaming import unwatched
 from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.obstacles import Body
 
@@ -320,6 +322,47 @@ def test_who_is_not_enabled_does_not_start(proved, enabled, named):
     assert refused.value.cause == Cause.NOT_ENABLED
 
 
+@pytest.fixture
+def pulled(proved, monkeypatch):
+    """Return a State that executes a plan whose fitting bears a pull of 2 N, and is measured."""
+    monkeypatch.setattr('dlo_planner.ros.state.pulls_borne',
+                        lambda task, plan: np.full(len(plan), 2.0))
+    state = replace(proved, planned=replace(proved.planned))  # which knows nothing yet
+    return state.with_pull(Pull(1.0, 9.95)).started(10.0)
+
+
+def test_a_pull_that_a_fitting_may_not_bear_stops_the_gripper_when_it_lasts(pulled):
+    assert pulled.scene.guards.pull_time == 0.1 and unwatched(pulled) == ''
+    swings = pulled.with_pull(Pull(3.0, 10.0)).with_pull(Pull(3.0, 10.09))
+    assert swings.with_pull(Pull(1.9, 10.11)).with_pull(Pull(3.0, 10.12)).execution.cause == 0
+    stopped = swings.with_pull(Pull(3.0, 10.11))
+    assert stopped.execution.cause == Cause.PULL and not stopped.planned
+    assert 'pulls with 3 N, for constraints.pull_time = 0.1 s: from 2 N on' in (
+        stopped.execution.reason)
+    off = replace(swings, scene=scene(constraints__pull_time=0.0))
+    assert off.with_pull(Pull(3.0, 10.11)).execution.cause == Cause.DONE
+    assert pulled.stopped(Cause.CANCELED, '').with_pull(Pull(3.0, 11.0)).with_pull(
+        Pull(3.0, 12.0)).execution.cause == Cause.CANCELED
+
+
+def test_a_pull_that_is_not_heard_of_any_more_stops_the_gripper(proved, pulled):
+    assert pulled.after_tick(10.04).execution.cause == Cause.DONE
+    lost = pulled.after_tick(10.06).execution
+    assert lost.cause == Cause.PULL and 'measured_wrench: the last one is 0.11 s old' in lost.reason
+    never = replace(pulled, pull=None)
+    assert never.after_tick(10.06).execution.cause == Cause.DONE
+    assert 'no force came on ~/measured_wrench' in unwatched(never)
+    late = replace(pulled.stopped(Cause.CANCELED, ''), execution=None, planned=pulled.running,
+                   proof=proved.proof).started(10.1 - 1e-3)
+    assert late.pull is None  # what was measured long before an execution is nothing to it
+
+
+def test_what_no_fitting_says_it_bears_is_not_watched(proved):
+    started = proved.started(10.0)
+    assert unwatched(started) == ''
+    assert started.with_pull(Pull(1e3, 10.0)).with_pull(Pull(1e3, 10.2)).executing
+
+
 def test_a_motion_beyond_its_limits_is_not_executed(proved):
     limits = Limits(*(0.9 * proved.scene.motion_limits.sizes).ravel())
     slower = replace(proved.scene, limits=limits)
@@ -375,7 +418,8 @@ def test_each_guard_and_figure_of_seeing_is_that_of_its_parameter():
     guards = {'path_position': 'constraints.path.position', 'path_angle': 'constraints.path.angle',
               'path_shape': 'constraints.path.shape', 'goal_position': 'constraints.goal.position',
               'goal_angle': 'constraints.goal.angle', 'goal_time': 'constraints.goal_time',
-              'longest_pause': 'execute.longest_pause', 'enable_timeout': 'execute.enable_timeout'}
+              'longest_pause': 'execute.longest_pause', 'enable_timeout': 'execute.enable_timeout',
+              'pull_time': 'constraints.pull_time'}
     named = {**{item.name: guards.get(item.name, item.name) for item in fields(Guards)
                 if item.name != 'heard'},
              **{item.name: f'observe.{item.name}' for item in fields(EstimatorConfig)

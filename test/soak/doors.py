@@ -7,7 +7,7 @@ from functools import partial
 from threading import Lock
 from time import monotonic, sleep
 
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from lifecycle_msgs.srv import (
     ChangeState,
     GetAvailableStates,
@@ -46,6 +46,7 @@ TOPICS = {
     '~/obstacles': (MarkerArray, REQUEST, Odd.markers),
     '~/enable': (Bool, qos_profile_sensor_data, lambda odd, faults: Bool(
         data=odd.one_of((True, False)))),
+    '~/measured_wrench': (WrenchStamped, qos_profile_sensor_data, Odd.wrench),
     '~/observed_cutout': (PoseStamped, REQUEST, Odd.pose_stamped),
     '~/observed_points': (PointCloud2, qos_profile_sensor_data, Odd.cloud),
     'joint_states': (JointState, qos_profile_sensor_data, Odd.joint_state),

@@ -8,7 +8,7 @@ refused; with none it is good, but unusual. Both have to leave the node as it wa
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Goals
 from rcl_interfaces.msg import Parameter, ParameterValue
 from sensor_msgs.msg import JointState, PointCloud2, PointField
@@ -65,6 +65,15 @@ class Odd:
         msg = PoseStamped(header=Header(frame_id='world', stamp=self.stamp()),
                           pose=pose_msg(self.pose()))
         return self.spoiled(msg, faults, (self._frame, self._position, self._quaternion))
+
+    def wrench(self, faults: int) -> WrenchStamped:
+        """Return a geometry_msgs/WrenchStamped, of which the size of the force counts."""
+        msg = WrenchStamped(header=Header(frame_id=self.one_of(FRAMES), stamp=self.stamp()))
+        msg.wrench.force.x = float(self.rng.normal())
+        return self.spoiled(msg, faults, (self._force,))
+
+    def _force(self, msg):
+        msg.wrench.force.y = self.one_of(NOT_FINITE)
 
     def _frame(self, msg):
         msg.header.frame_id = self.one_of(FRAMES)

@@ -744,11 +744,12 @@ class _Routing:
         return made._replace(via_points=())
 
     def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str,
-                 aside: float) -> list[Shape]:
+                 aside: float) -> tuple[list[Shape], float]:
         """Return Shapes that press into a fitting that holds the DLO at s, m, until it snaps.
 
         The gripper swings `aside` about the seat, by so many rad, then inwards as long as nothing
-        is in the way, then pulls more and more.
+        is in the way, then pulls more and more. Also returns how much of `aside` is left at the
+        end, rad: something is in the way there.
         """
         out, seat = fitting.outwards, fitting.pose.position
         way = begin.gripper.position - seat
@@ -840,7 +841,7 @@ class _Routing:
                 if not too_hard or stronger < 1 + _PULLED:
                     break
                 stronger = float(np.sqrt(stronger))
-        return found
+        return found, abs(aside - beside)
 
     def _leads_to(self, one: Shape, other: Shape) -> bool:
         """Whether the gripper leads the DLO from one Shape to another without breaking a demand.
@@ -880,12 +881,12 @@ class _Routing:
             raise self._refused(f'press {name}', broken.name, -broken.room, f'where {name} closes '
                                 f'{broken.message}', broken.unit)
         pushed, found = -np.inf, [begin]
-        blocked = set[float]()  # sides to which not even a first step can be made
+        blocked = set[float]()  # sides to which it goes no farther, however far it is to go
         for aside in _ASIDE:
             if np.sign(aside) in blocked:
                 continue
-            shapes = self._presses(begin, fitting, s, name, aside)
-            if len(shapes) < 2:
+            shapes, left = self._presses(begin, fitting, s, name, aside)
+            if left > (1 - 1e-9) * _SWING:  # a whole step: those to places beyond begin with it
                 blocked.add(float(np.sign(aside)))
             if len(shapes) > 1 and (push := self._push(shapes[-1], fitting, name)) > pushed:
                 pushed, found = push, shapes
