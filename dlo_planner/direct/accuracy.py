@@ -27,7 +27,7 @@ from dlo_planner.direct.discretization import (
     nodes_at,
     with_breaks,
 )
-from dlo_planner.direct.equilibrium import corrected_by, equilibrium, past_of
+from dlo_planner.direct.equilibrium import AlongWay, corrected_by, equilibrium, past_of
 from dlo_planner.direct.shape import LYING, Shape
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
@@ -85,8 +85,14 @@ def fine_enough(shape: Shape, accuracy: float) -> bool:
 
 
 def judged(shape: Shape, accuracy: float) -> Shape:
-    """Return a Shape as it is if its error is at most `accuracy` (m), else not `converged`."""
-    if not shape.converged or shape.error_estimate <= accuracy:
+    """Return a Shape as it is if its error is at most `accuracy` (m), else not `converged`.
+
+    How far elsewhere it may have landed in a fall is not asked: no mesh could promise that.
+    """
+    estimate, landed = shape.state.estimate, shape
+    if isinstance(estimate, AlongWay) and estimate.falls:
+        landed = changed(shape, state=changed(shape.state, estimate=estimate.where_it_lies))
+    if not shape.converged or landed.error_estimate <= accuracy:
         return shape
     return changed(shape, converged=False)
 

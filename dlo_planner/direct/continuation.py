@@ -199,19 +199,19 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
         middle = _jumped(rest)
 
 
-def _with_error_of_way(previous: Shape, shape: Shape,
-                       error: Callable[..., float] = error_of_way) -> Shape:
-    """Return a Shape that knows the error of its way from a previous one, by an `error`."""
+def _with_error_of_way(previous: Shape, shape: Shape, fell: bool = False) -> Shape:
+    """Return a Shape that knows the error of its way from a previous one, in two halves or fell."""
     mesh = shape.state.mesh
     if mesh is None:
         return shape
     strains = previous.element_strains
     if not mesh.has_nodes(previous.s):
         strains = mesh.strains_from(previous.s, strains)
-    way = partial(error, mesh, shape.gripper, shape.positions, previous.gripper, strains,
-                  past_of(mesh, previous, None), shape.holds)
-    return changed(shape, state=changed(
-        shape.state, estimate=AlongWay(shape.state.estimate, (way,))))
+    way = partial(error_of_fall if fell else error_of_way, mesh, shape.gripper, shape.positions,
+                  previous.gripper, strains, past_of(mesh, previous, None), shape.holds)
+    ways, falls = ((), (way,)) if fell else ((way,), ())
+    estimate = AlongWay(shape.state.estimate, ways, falls)
+    return changed(shape, state=changed(shape.state, estimate=estimate))
 
 
 def _fallen(previous: Shape, shape: Shape) -> Shape:
@@ -221,7 +221,7 @@ def _fallen(previous: Shape, shape: Shape) -> Shape:
     """
     if shape.jumped or not (shape.converged and shape.contacts) or shape.state.feed is not None:
         return _jumped(shape)
-    return _with_error_of_way(previous, _jumped(shape), error_of_fall)
+    return _with_error_of_way(previous, _jumped(shape), True)
 
 
 def _after_way(middle: Shape, shape: Shape) -> Shape:
@@ -229,8 +229,8 @@ def _after_way(middle: Shape, shape: Shape) -> Shape:
     known, own = middle.state.estimate, shape.state.estimate
     if not isinstance(known, AlongWay):
         return shape
-    estimate = (AlongWay(own.on_mesh, known.ways + own.ways) if isinstance(own, AlongWay) else
-                AlongWay(own, known.ways))
+    there = own if isinstance(own, AlongWay) else AlongWay(own)
+    estimate = AlongWay(there.on_mesh, known.ways + there.ways, known.falls + there.falls)
     return changed(shape, state=changed(shape.state, estimate=estimate))
 
 

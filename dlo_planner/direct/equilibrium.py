@@ -354,11 +354,16 @@ class AlongWay(NamedTuple):
     """
 
     on_mesh: Callable[[], float]
-    ways: tuple[Callable[[], float], ...]  # of the parts of its step
+    ways: tuple[Callable[[], float], ...] = ()   # of the parts of its step in which it rubs
+    falls: tuple[Callable[[], float], ...] = ()  # of those in which it fell
+
+    def where_it_lies(self) -> float:
+        """Return it without how far elsewhere the DLO may have landed."""
+        return self.on_mesh() + sum(way() for way in self.ways)
 
     def __call__(self) -> float:
         """Return it."""
-        return self.on_mesh() + sum(way() for way in self.ways)
+        return self.where_it_lies() + sum(fall() for fall in self.falls)
 
 
 def error_of_way(mesh: Discretization, gripper: Pose, positions: Floats, before: Pose,

@@ -88,7 +88,8 @@ class DirectSimulator(Value):
         unless one is named. Without any of the three it is 1e-3 of the length, less for a DLO
         that its loads F bend near the gripper: without obstacles (27 EI / F L^2)^(2/3) of that,
         at least 1.5e-4 of the length; 64 elements with 10 terms are kept wherever they do. The
-        paper's methods keep them anyway.
+        paper's methods keep them anyway. Of what has fallen among obstacles it is kept where the
+        DLO has landed; only `error_estimate` counts how far elsewhere that may have been.
     gravity : array_like, shape (3,), optional
         Gravity in m/s^2, any direction, may be zero.
     load : array_like or callable, optional

@@ -169,3 +169,13 @@ def test_what_has_fallen_says_how_far_from_there_it_may_have_landed():
     assert max(away) > 0.01
     assert (np.array(away) < 10.0 * np.array(told)).all()
     assert not (np.array(away) < 10.0 * np.array(by_mesh)).all()
+
+
+def test_an_accuracy_is_that_of_where_it_has_landed():
+    # where a fall ends on another mesh is no matter of this one: it is no reason to fall again
+    rod, bodies, poses = drawn('cable-corner', 1)
+    shapes = DirectSimulator(rod, obstacles=bodies, gravity=GRAVITY, accuracy=1e-3).track(poses[:9])
+    assert all(shape.converged for shape in shapes)
+    fallen = next(shape for shape in shapes if shape.jumped)
+    estimate = fallen.state.estimate
+    assert estimate.where_it_lies() < 1e-3 < estimate() == fallen.error_estimate
