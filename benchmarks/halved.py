@@ -13,7 +13,7 @@ motion.
 
     python -m benchmarks.halved                     60 motions
     python -m benchmarks.halved --first 17 --many 1 one of them
-    python -m benchmarks.halved --cap 60            give up what takes more than 60 s of CPU time
+    python -m benchmarks.halved --cap 60            give up what takes more than 60 s
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Case(NamedTuple):
     straight: bool            # whether it begins straight, else at rest in its grips
     velocity: Callable[[float], Floats] | None
 
-    def run(self, cap: float = 60.0, finer: int = 1, s: Floats | None = None) -> Motion:
+    def run(self, cap: float, finer: int = 1, s: Floats | None = None) -> Motion:
         """Return the Motion; elements between `s`, steps and tolerance are so much finer."""
         poses, ends = self.poses, self.ends
         direct = DirectSimulator(self.rod, obstacles=self.bodies, gravity=GRAVITY, **self.mesh)
@@ -113,7 +113,7 @@ def at_random(seed: int) -> Case:
     smooth = t - np.sin(2 * np.pi * t) / (2 * np.pi)
     # how far it may fall, or be led, within the time: so far that it lands there
     drop = min(0.3 * length, 0.5 * 9.81 * last**2)
-    way_of_grip = min(0.3 * length, 20 * last**2)
+    way_of_grip = min(0.3 * length, 20 * last**2)  # (m/s^2: accelerations of some g)
     friction = rng.uniform(0.1, 0.6)
     pitch = {'lowered': 90.0, 'held': 0.0}.get(way, rng.uniform(-10, 30))
     straight = way in ('fall', 'thrown', 'lowered')
@@ -130,6 +130,8 @@ def at_random(seed: int) -> Case:
     floor = Plane((0, 0, low - gap), (0, 0, 1), friction=friction)
     # (a strip may touch neither a mesh nor a sphere)
     what = rng.choice(BODIES[:-2] if kind == 'strip' else BODIES)
+    if way == 'lowered' and what != 'wall':
+        what = 'floor'  # which it lands on with its tip
     tip = start.positions[-1]
     bodies: list[Obstacle] = [floor]
     middle = start.positions[len(start.s) * 2 // 3]
@@ -137,19 +139,19 @@ def at_random(seed: int) -> Case:
     under = middle + (0, 0, -radius - gap)
     if what == 'wall':
         bodies.append(Plane((tip[0] + radius + 0.3 * gap, 0, 0), (-1, 0, 0), friction=friction))
-    elif what == 'bar' and way != 'lowered':
+    elif what == 'bar':
         bodies = [Capsule(under + (0, -length, -size), under + (0, length, -size), size,
                           friction=friction)]
-    elif what in ('edge', 'box') and way != 'lowered':
+    elif what in ('edge', 'box'):
         width = 2 * length if what == 'edge' else 2 * size
         depth = np.array([-0.5 * width if what == 'edge' else 0.0, 0, -size])
         top = start.positions[start.positions[:, 0] <= middle[0]][:, 2].min()
         under = under if what == 'box' else np.array([middle[0], 0, top - radius - gap])
         bodies = [Box(Pose(under + depth, (0, 0, 0, 1)), (width, 2 * length, 2 * size),
                       friction=friction)]
-    elif what == 'mesh' and way != 'lowered':
+    elif what == 'mesh':
         bodies = [replace(_ball(under - (0, 0, 2 * size), 2 * size), friction=friction)]
-    elif what == 'sphere' and way != 'lowered':
+    elif what == 'sphere':
         bodies = [Sphere(under - (0, 0, 2 * size), 2 * size, friction=friction)]
     to = np.zeros(3)
     if way == 'lowered':

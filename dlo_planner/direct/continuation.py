@@ -217,7 +217,8 @@ def _with_error_of_way(previous: Shape, shape: Shape, fell: bool = False) -> Sha
 def _fallen(previous: Shape, shape: Shape) -> Shape:
     """Return a Shape that a DLO has fallen into in a step from a previous one: it says so.
 
-    What hangs freely does not remember its way, nor does what slides through rings lie anywhere.
+    What hangs freely does not remember its way. Of what slides through rings it is not known how
+    far elsewhere that may have landed.
     """
     if shape.jumped or not (shape.converged and shape.contacts) or shape.state.feed is not None:
         return _jumped(shape)

@@ -348,7 +348,7 @@ def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: F
 
 
 class AlongWay(NamedTuple):
-    """The error of a Shape of its mesh, and of its way, where it rubs or fell.
+    """The error of a Shape: of its mesh, and of the way on which it rubbed or fell.
 
     Called, it returns their sum in m.
     """
@@ -388,7 +388,7 @@ def error_of_way(mesh: Discretization, gripper: Pose, positions: Floats, before:
 
 def error_of_fall(mesh: Discretization, gripper: Pose, positions: Floats, before: Pose,
                   strains: Floats, past: Memory, holds: Holds) -> float:
-    """Return how far, in m, nodes are from where a DLO lands that falls from as near to a Shape.
+    """Return how far, in m, nodes are from where a DLO lands that falls from the same Shape.
 
     Where it lands among obstacles depends on all that it meets on the way. With halved elements it
     meets that in another order, and friction may hold it somewhere else. Infinite where it does not

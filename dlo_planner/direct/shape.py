@@ -631,7 +631,7 @@ class Shape(Pictured):
         step is added; that takes as long as the step. Where a DLO has fallen onto obstacles or
         along them it may have landed elsewhere: by how much a fall with halved elements ends
         elsewhere is added, which takes up to four times as long as the fall. Later steps start
-        from where it landed, and say nothing of that.
+        from where it landed, and say nothing of that; nor does what slides through rings.
         """
         history = self.state.history
         if history is not None and history.hinge >= 0.0:

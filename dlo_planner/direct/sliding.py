@@ -57,12 +57,13 @@ _STEPS = 40           # of Newton's method at most
 _TRIALS = 12          # halvings of one
 _EXACT = 1e-8         # of the length: a step as small changes nothing, where
 _ROUGHLY = 1e-6       # of the largest force speaks against a place
-_UNSEEN = 1e-10       # of the length: a step as small is none, where the last one made nothing less
+# Of the length and of the largest force: a step as small is none, where the last one made nothing
+# less, and so much may speak against a place then
+_UNSEEN, _LEFT = 1e-10, 1e-4
 _NOISE = 1e-6         # the same, of one that does not make less what speaks against a place
 _BALANCED = 1e-9      # of the largest force: what may speak against a place at the end
-# of the length: by which places are moved to see how D answers, to both sides; and of what parts
-# beside a ring have to spare, of which D is about the inverse: a fiftieth leaves an error of 4e-4,
-# while two rings that a taut part joins go along together 1e3 times as easily as one alone
+# Places are moved to both sides, to see how D answers, by a part of the length, but by no more than
+# a part of the slack beside the ring: D goes as its inverse, so that differences err by (1/50)^2
 _DIFFERENCE, _OF_SLACK = 1e-7, 0.02
 _MESH_MOVED = 1e-6    # of the length: the same, of nodes alone, which costs no solution
 _LONGEST = 0.15       # of the shorter part beside a ring: the longest step
@@ -326,7 +327,7 @@ class _Rings:
             if self._matrix is None or not np.isfinite(self._matrix[np.ix_(slides, slides)]).all(
                     ) or size > _SAGS * left and not fresh:
                 self._matrix, fresh = self._differences(here, slides), True
-            sags, left = size > _SAGS * left, size
+            stalled, left = size > _SAGS * left, size
             change = np.zeros_like(rest)
             values, vectors = np.linalg.eigh(_symmetric(self._matrix[np.ix_(slides, slides)]))
             scale = max(float(np.abs(values).max()), self._bend)
@@ -334,8 +335,9 @@ class _Rings:
             change[slides] = _with_friction(curved, here.slope[slides], self._slip[slides],
                                             (here.s - self._begin)[slides])
             by = float(np.abs(change).max()) / self._length
-            if size <= _BALANCED * self._force(here) or by <= _UNSEEN and sags or (
-                    by <= _EXACT and size <= _ROUGHLY * self._force(here)):
+            force = self._force(here)
+            if (size <= _BALANCED * force or by <= _EXACT and size <= _ROUGHLY * force
+                    or stalled and by <= _UNSEEN and size <= _LEFT * force):
                 if not fresh:
                     self._matrix, fresh = self._differences(here, slides), True
                 kicked = self._off_saddle(here, slides)
@@ -433,7 +435,7 @@ class _Rings:
     def _differences(self, here: _Place, slides: Bools) -> Floats:
         """Return (n, n) how D answers to the places that slide, N/m; nan beside."""
         matrix = np.full((here.s.size,) * 2, np.nan)
-        steps = np.clip(_OF_SLACK * self._slacks(here.s), _UNSEEN * self._length,
+        steps = np.clip(_OF_SLACK * self._least_slacks(here.s), _UNSEEN * self._length,
                         _DIFFERENCE * self._length)
         for k in np.flatnonzero(slides):
             beside = [here]
@@ -451,7 +453,7 @@ class _Rings:
                 matrix[k, k] = self._bend
         return matrix
 
-    def _slacks(self, places: Floats) -> Floats:
+    def _least_slacks(self, places: Floats) -> Floats:
         """Return (n,) the lesser of what the parts beside each ring have to spare, m."""
         slack = np.array([span.length - span.distance for span in spans_of(
             self._placed(places), self._gripper, self._length)])

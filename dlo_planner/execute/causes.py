@@ -87,8 +87,8 @@ class Cause(IntEnum):
                            'stops, and goes back before the cut-out')
     ARM = 420, ('the joints of the arm cannot follow: out of reach, a limit, links that come '
                 'together, or too little is known of the arm')
-    PULL = 421, ('the gripper pulls so hard for `constraints.pull_time` that a fitting may bear '
-                 'more than it can, or `measured_wrench` is not heard of any more')
+    PULL = 421, ('the gripper has pulled so hard, for `constraints.pull_time`, that a fitting may '
+                 'be overloaded, or `measured_wrench` has fallen silent')
     INTERNAL = 500, 'an error of the node itself; the log has its place'
 
 

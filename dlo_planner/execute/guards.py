@@ -25,7 +25,7 @@ class Guards:
     longest_pause: float = 0.5   # s without a command, after which the rest is another motion
     enable_timeout: float = 0.0  # s, age of the last word that the gripper may move; 0: none needed
     heard: str = 'gripper_pose'  # topic by which it is known where the gripper is
-    pull_time: float = 0.1  # s for which it may pull so hard that a fitting may bear too much
+    pull_time: float = 0.1  # s for which the pull may be one that overloads a fitting
 
     def barred(self, enabled: 'Enabled | None', now: float) -> str:
         """Return in words why the gripper may not move at `now` s, '' if it may."""

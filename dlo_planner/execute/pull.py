@@ -3,8 +3,10 @@
 """How hard a hand may pull a DLO that lies in fittings, by what these bear.
 
 What the gripper pulls more than planned draws the DLO straight between it and the fitting next to
-it, which is pressed into its seat by as much of that as the gripper stands below it. A gripper that
-stands above the seat draws the DLO out: that is no matter of what the fitting `bears`.
+it. A straight DLO presses that into its seat with the pull times the sine of the angle at which it
+comes up to the seat; a fitting in which it slides passes the pull on, and is pressed by what is
+behind it as well, by all of it where nothing rubs. A gripper above the seat draws the DLO out: that
+is no matter of what the fitting `bears`.
 """
 
 from dataclasses import dataclass
@@ -16,7 +18,9 @@ from dlo_planner.inverse.tasks.route import Route, names_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.plan import Plan
 
-_LEAST_STEEP = 0.02  # rad: what is led more nearly level counts as that, as it bends a little
+# Sine of an angle: a DLO that is led more nearly level is not so straight that this tells what
+# presses, and counts as one at that angle
+_LEAST_STEEP = 0.02
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,7 @@ class Pull:
 
 
 def pulls_borne(task: Task, plan: Plan) -> Floats:
-    """Return (n,) from which forces of the gripper on, N, a fitting may bear more than it can.
+    """Return (n,) from which forces of the gripper on, N, a fitting may be overloaded.
 
     At each waypoint of a Plan, or a stage, of a task; inf where nothing that is next to the gripper
     says what it `bears`.
@@ -36,6 +40,25 @@ def pulls_borne(task: Task, plan: Plan) -> Floats:
     most = np.full(len(plan), np.inf)
     if not isinstance(task, Route):
         return most
+    fittings = dict(zip(names_of(task.fittings), task.fittings, strict=True))
+    for index, shape in enumerate(plan.shapes):
+        fitting = fittings.get(shape.holds[0].by) if shape.holds else None
+        if fitting is None or fitting.bears is None:
+            continue
+        beside = [shape.gripper.position]
+        if shape.holds[0].is_ring:
+            beside += [hold.pose.position for hold in shape.holds[1:2]]
+        ways = [fitting.pose.position - place for place in beside]
+        along, *behind = [way / np.linalg.norm(way) for way in ways]
+        steep = float(along @ fitting.outwards) + sum(
+            max(float(way @ fitting.outwards), 0.0) for way in behind)
+        if steep <= 0.0:
+            continue
+        left = max(fitting.bears - float(shape.wrenches[0, :3] @ fitting.outwards), 0.0)
+        planned = shape.gripper_wrench[:3]
+        more = planned - left / max(steep, _LEAST_STEEP) * along
+        most[index] = max(np.linalg.norm(planned), np.linalg.norm(more))
+    return most
     fittings = dict(zip(names_of(task.fittings), task.fittings, strict=True))
     for index, shape in enumerate(plan.shapes):
         fitting = fittings.get(shape.holds[0].by) if shape.holds else None

@@ -73,13 +73,14 @@ from dlo_planner.minimize.semismooth import (
 from dlo_planner.model.arrays import Floats
 from dlo_planner.progress import uninterrupted
 
-_WEAK = 1e-6     # times the same: springs that do nothing beside the forces that are known
 # Of a buckling force, and of how far a DLO buckles: how nearly they are known where Newton's method
 # finds the rest; by so many bisections at most, of what may be smaller by so many powers of two
 _ABOUT, _BISECTIONS = 0.05, 40
-# Times the stiffness of contacts' springs, where they are to hardly give; how often, as where a DLO
-# has hardly buckled yet, and is held along itself alone; a part of an eigenvalue that is left then
-_FIRM, _MOST_FIRM, _HARDLY = 1e2, 3, 0.5
+# Contacts whose springs hardly give are stiffer by so much, at most so many times over: a column
+# that has hardly buckled is held by its axial contact alone. Where an eigenvalue keeps more than a
+# part of its size, the springs are not why it is negative
+_FIRM, _MOST_FIRM, _UNCHANGED = 1e2, 3, 0.5
+_WEAK = 1e-6  # times the stiffness of contacts' springs: they add nothing to the known forces
 COARSER = 10.0  # times the tolerance: the rounding errors of contact forces leave no more of it
 _ON_A_WAY = 1e-7  # of the length: who allows a violation as large wants no equilibrium
 # A DLO so deep inside, of the length, is pressed out: at first, and where it came out nowhere; in
@@ -361,13 +362,11 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
             break
         rests, stands = False, True
         firm, state, residual, violation = _at_end(there, q, given)
-        if has_inertia(system.effects.anchor):
-            buckles, its = _buckles(firm, state.q, tolerance, exact, kicked)
-            if buckles:
-                rests, state, residual, stability, moves, loaded, violation = _at_once(
-                    its, kicked, rests, tolerance, exact, check, previous)
-                return (rests, state, residual, stability, steps + moves, kicks + 1, loaded,
-                        violation)
+        buckles, its = _buckles(firm, state.q, tolerance, exact, kicked)
+        if buckles:
+            rests, state, residual, stability, moves, loaded, violation = _at_once(
+                its, kicked, rests, tolerance, exact, check, previous)
+            return rests, state, residual, stability, steps + moves, kicks + 1, loaded, violation
         if falls and check:
             stability, mode = _judged(firm, state, tolerance, exact)
             stands = stability > -HELD_NEUTRAL
@@ -608,7 +607,7 @@ def _judged(system, state, tolerance, exact):
             break
         before, system = stability, _stiffened(system, state, _FIRM)
         stability, mode = _lowest(system, state, tolerance, exact)
-        if stability < _HARDLY * before:  # it is not the springs
+        if stability < _UNCHANGED * before:  # it is not the springs
             break
     return stability, mode
 
@@ -620,8 +619,11 @@ def _buckles(system, q, tolerance, exact, beside):
     One that is straight and pressed along itself yields to second order alone: its forces grow, and
     nothing moves. If so, `beside` (m, 3) is where it is bent by the mode in which it buckles first,
     as far as it is pressed in, and the Problem returned has about the forces that do so. The side
-    is arbitrary, but always the same.
+    is arbitrary, but always the same. In the step of a motion alone: at rest a column leaves its
+    saddle by the shift.
     """
+    if not has_inertia(system.effects.anchor):
+        return False, system
     state, residual, table, violation = kkt_residual(system, q)
     if not (residual < tolerance and violation > exact and table.gap.size):
         return False, system
@@ -659,6 +661,8 @@ def _buckles(system, q, tolerance, exact, beside):
             outside = part
         if outside - inside < _ABOUT * outside:
             break
+    if inside == 0.0:
+        return False, system
     put_sum(state.q, inside * reach, mode, beside)
     put_forces(weak, table, most * normal, most * shear)
     return True, with_stiffness(weak, given.stiffness, given.grip)

@@ -101,7 +101,7 @@ _NEARLY, _FIRMER = 1e-4, 1e-2
 # A DLO has left a saddle once it has turned by so much, rad, or after so many steps: before, a step
 # of Newton's method would lead back; with more, another equilibrium is near
 _AWAY, _LEAVING = 0.1, 40
-_NOTHING = 1e-12  # rad: a step that turns nodes by less moves nothing
+_NOTHING = 1e-12  # rad: a step that turns nodes by less is of rounding
 _DEEPER = 0.3     # of a step: how much deeper than foreseen it may bring a contact
 _DEEPEST = 2e-3   # of the length, about a radius: the same, however far it goes. Deeper in a thin
 # body the other side is nearer
@@ -129,9 +129,10 @@ def settle(system, q, previous, rough, most, farthest, flow):
     At rest the residual is below `rough`, and no contact is deeper than `_DEPTH` times that, of the
     length. The flow also ends after `most` steps, and, with an infinite residual, where all of them
     have turned nodes by more than `farthest`, rad. If that is finite, also where the DLO leaves
-    what was an equilibrium before, and is none any more. `flow` (2,) is the shift, here and where
-    it ends, and its least while the DLO leaves a saddle: with a smaller one the flow would lead
-    back.
+    what was an equilibrium before, and is none any more; and in the step of a motion where a DLO
+    that is pressed along itself into an obstacle does not move: it has to buckle. `flow` (2,) is
+    the shift, here and where it ends, and its least while the DLO leaves a saddle: with a smaller
+    one the flow would lead back.
     The last value returned is whether the DLO does not stand there with a smaller one.
     """
     hold, length = system.effects.hold, np.sum(system.lengths)

@@ -37,6 +37,7 @@ _CHECKED = ('the plan is still being checked, which takes some seconds: ask agai
             'says that it is safe')
 _SAME = 1e-3, 5e-3  # m, rad: gripper poses that differ by less are the same
 _SAME_LENGTH = 1e-9  # relative
+_RECENT = 1.0  # s: a force that was measured so long ago is, where nothing else limits that
 _SEEN = 3  # periods before and after a motion, in which its jerk is seen
 _NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')  # of an arm: part of the name of a topic
 
@@ -91,7 +92,7 @@ class PlanResult:
 
     @cached_property
     def pulls_borne(self) -> Floats:
-        """(n,) forces of the gripper, N, from which on a fitting may bear more than it can."""
+        """(n,) forces of the gripper, N, from which on a fitting may be overloaded."""
         return pulls_borne(self.task, self.plan)
 
     @property
@@ -175,7 +176,7 @@ class State:
     askers: frozenset[str] = frozenset()  # the nodes that may have asked for them
     enabled: Enabled | None = None      # what was heard last of whether the gripper may move
     pull: Pull | None = None            # the last one that was measured
-    strong_since: float | None = None   # s, steady, since when it may be more than a fitting bears
+    overload_since: float | None = None  # s, steady, since when it may be more than that
 
     @property
     def gripper(self) -> Pose | None:
@@ -269,17 +270,17 @@ class State:
         state, most = replace(self, pull=heard), self._pull_borne()
         limit = self.scene.guards.pull_time
         if not limit or heard.force <= most:
-            return replace(state, strong_since=None)
-        since = heard.arrived if self.strong_since is None else self.strong_since
-        state = replace(state, strong_since=since)
+            return replace(state, overload_since=None)
+        since = heard.arrived if self.overload_since is None else self.overload_since
+        state = replace(state, overload_since=since)
         if heard.arrived - since < limit:
             return state
         return state.stopped(Cause.PULL, 'measured_wrench: the gripper pulls with '
                              f'{heard.force:.3g} N, for constraints.pull_time = {limit:g} s: '
-                             f'from {most:.3g} N on a fitting may bear more than it can')
+                             f'from {most:.3g} N on a fitting may be overloaded')
 
     def _pull_borne(self) -> float:
-        """Return from which force of the gripper on, N, a fitting may bear too much now."""
+        """Return from which force of the gripper on, N, a fitting may be overloaded now."""
         if self.execution is None or self.running is None or not self.executing:
             return np.inf
         at = self.execution.way.progress([max(self.execution.done, 0.0)])
@@ -365,12 +366,12 @@ class State:
             for name, other in zip(hands, others, strict=True)))
         return replace(self.grasped(self.planned.plan.shapes[0]), execution=execution,
                        running=self.planned, looking=None, latest=None, others=0,
-                       askers=frozenset(), pull=self.pull_lately(now), strong_since=None)
+                       askers=frozenset(), pull=self._recent_pull(now), overload_since=None)
 
-    def pull_lately(self, now: float) -> Pull | None:
+    def _recent_pull(self, now: float) -> Pull | None:
         """Return the Pull that was measured lately at `now` s, steady; None: nobody measures."""
-        limit = self.scene.guards.incoming_command_timeout
-        fresh = self.pull is not None and (not limit or now - self.pull.arrived <= limit)
+        limit = self.scene.guards.incoming_command_timeout or _RECENT
+        fresh = self.pull is not None and now - self.pull.arrived <= limit
         return self.pull if fresh else None
 
     def after_loop_tick(self, before: Execution | None, execution: Execution,

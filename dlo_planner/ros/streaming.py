@@ -143,10 +143,12 @@ def unwatched(state: State) -> str:
 
     Or if they say nothing of it.
     """
-    if state.running is None or state.pull is not None or np.isinf(state.running.pulls_borne).all():
+    watches = state.scene.guards.pull_time > 0.0
+    if (state.running is None or watches and state.pull is not None
+            or np.isinf(state.running.pulls_borne).all()):
         return ''
-    return ('no force came on ~/measured_wrench shortly before: that no fitting bears more than it '
-            'can is known of the plan alone')
+    why = 'no force came on ~/measured_wrench lately' if watches else 'constraints.pull_time = 0'
+    return f'{why}: that no fitting is overloaded is known of the plan alone'
 
 
 class ClosedLoopDrive:
@@ -359,8 +361,8 @@ class TrajectoryStreamer(Part):
             outcome.message = f'{duration:.1f} s on {where}' + (
                 '' if self._loop is None else ', or longer: it observes the DLO before it goes')
             assert state.proof is not None and state.proof.report is not None  # it was proved
-            outcome.warning = (open_loop_warning(state, observing) or unwatched(state)
-                               or state.proof.report.reason)
+            outcome.warning = '; '.join(filter(None, (
+                open_loop_warning(state, observing), unwatched(state), state.proof.report.reason)))
             outcome.values = {'duration [s]': duration, 'arms': ', '.join(
                 one.name for one in execution.arms), 'plan stamp': stamp_text(state.running.stamp)}
             speed, tolerance = scene.limits.linear_speed, scene.guards.path_position

@@ -255,13 +255,16 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'constraints.goal_time': (2.0, 'Seconds after the end of the motion in which the gripper has '
                                    'to come there; 0 = waits for good.', 0.0, 3600.0),
     'constraints.pull_time': (0.1, 'Seconds for which the gripper may pull, by ~/measured_wrench, '
-                                   'so much harder than planned that a fitting may bear more than '
-                                   'it can: a DLO that swings pulls for less; 0 = for good.',
+                                   'so much harder than planned that a fitting may be overloaded: '
+                                   'a DLO that swings pulls for less; 0 = neither that nor a '
+                                   'sensor that falls silent is watched.',
                               0.0, 60.0),
     'cmd_timeout': (0.0, 'Seconds after the end of the motion for which the last command is '
                          'repeated, where constraints.goal_time is 0; 0 = for good.', 0.0, 3600.0),
     'incoming_command_timeout': (0.1, 'Age of the last gripper_pose, by its stamp, from which on '
-                                      'an execution is refused or stops, s; 0 = any.', 0.0, 60.0),
+                                      'an execution is refused or stops, and of measured_wrench, '
+                                      'by its arrival, from which on it stops, s; 0 = any.',
+                                 0.0, 60.0),
     'decelerate_on_cancel': (True, 'Whether `cancel` lets the motion run out within the limits of '
                                    'acceleration, or ends it with the last command.'),
 }

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a look, a fit, and a correction decompose, they do with one thread of BLAS.
 
-Their matrices have some dozen rows: on a busy machine threads wait for each other for 30 to 300
-times as long as that takes.
+Their matrices have some dozen rows: on a busy machine threads wait for each other a hundred times
+as long as that takes.
 """
 
 import numpy as np

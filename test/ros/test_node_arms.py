@@ -303,7 +303,7 @@ def test_a_route_is_carried_out_stage_by_stage(inside, node):
         assert inside.set_parameters(far_end__hold='clamped')[0].successful
 
 
-def test_a_hand_that_pulls_harder_than_a_fitting_bears_is_stopped(inside, node):
+def test_a_hand_that_may_overload_a_fitting_is_stopped(inside, node):
     inside.trigger('reset')
     start = Pose.looking_along((0.1, -0.2, 1.0), (1.0, 0.3, 0.2))
     seat = Pose.looking_along((0.55, 0.0, 0.95), (1.0, 0.1, 0.0))
@@ -327,7 +327,7 @@ def test_a_hand_that_pulls_harder_than_a_fitting_bears_is_stopped(inside, node):
         begin(inside)
         code, message = ended(inside)
         assert code == Cause.PULL, message
-        assert 'the gripper pulls with 50 N' in message and 'a fitting may bear' in message
+        assert 'the gripper pulls with 50 N' in message and 'a fitting may be overloaded' in message
         stopped = state(node).execution
         assert stopped.phase == 'stopped' and stopped.done < stopped.way.duration
     inside.node.destroy_timer(timer)

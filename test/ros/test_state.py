@@ -352,6 +352,8 @@ def test_a_pull_that_is_not_heard_of_any_more_stops_the_gripper(proved, pulled):
     never = replace(pulled, pull=None)
     assert never.after_tick(10.06).execution.cause == Cause.DONE
     assert 'no force came on ~/measured_wrench' in unwatched(never)
+    assert 'constraints.pull_time = 0' in unwatched(replace(pulled, scene=scene(
+        constraints__pull_time=0.0)))
     late = replace(pulled.stopped(Cause.CANCELED, ''), execution=None, planned=pulled.running,
                    proof=proved.proof).started(10.1 - 1e-3)
     assert late.pull is None  # what was measured long before an execution is nothing to it
