@@ -47,13 +47,25 @@ class _Inside:
 
     def leave(self) -> None:
         with self.lock:
-            self.count -= 1
+            self.count = max(self.count - 1, 0)  # (it may have been forked inside)
             if not self.count:
-                for (_, put), threads in zip(_controls(), self.before, strict=True):
-                    put(threads)
+                self._give_back()
+
+    def _give_back(self) -> None:
+        for (_, put), threads in zip(_controls(), self.before, strict=True):
+            put(threads)
+
+    def begin_anew(self) -> None:
+        """Be as if nobody were inside: in a forked process, where other threads have ended."""
+        self.lock = threading.Lock()  # one of them may have had it
+        if self.count:
+            self.count = 0
+            self._give_back()
 
 
 _INSIDE = _Inside()
+if hasattr(os, 'register_at_fork'):
+    os.register_at_fork(after_in_child=_INSIDE.begin_anew)
 
 
 @contextmanager

@@ -115,3 +115,36 @@ def test_where_a_matrix_is_decomposed_it_has_one_thread():
         pytest.skip('NumPy has another BLAS')
     before, inside, still, after = ([*map(int, one.split())] for one in lines)
     assert {*inside} == {*still} == {1} and before == after and max(before) == 2
+
+
+FORKED = """
+import numpy, os, scipy.linalg, threading
+from dlo_planner.blas import _controls, _INSIDE, one_thread
+def threads(): return {get() for get, _ in _controls()}
+inside, done = threading.Event(), threading.Event()
+def look():
+    with one_thread(), _INSIDE.lock:
+        inside.set()
+        done.wait()
+thread = threading.Thread(target=look)
+thread.start()
+inside.wait()
+child = os.fork()
+if not child:
+    before = threads()
+    with one_thread():
+        within = threads()
+    os.write(1, f'{before} {within} {threads()}'.encode())
+    os._exit(0)
+os.waitpid(child, 0)
+done.set()
+thread.join()
+"""
+
+
+@pytest.mark.skipif(not Path('/proc/self/maps').exists(), reason='threads are limited on Linux')
+def test_a_process_that_is_forked_beside_a_look_has_its_own_threads_of_blas():
+    told = printed(FORKED, **{NAME: '2'})
+    if told.startswith('set()'):
+        pytest.skip('NumPy has another BLAS')
+    assert told == '{2} {1} {2}'

@@ -65,6 +65,7 @@ _SLACK = 1e-3          # of the slack: the same, as the DLO pulls the tighter th
 _GRIP_EXACT = 1e-4     # of the slack: what is aimed at
 _LEAST_SLACK = 1e-10   # of the length: slack that is looked at
 _WHOLE = 100           # Newton steps of a whole step, after its halves: beyond, it leads nowhere
+_OF_FALL = 150         # the same of a fall on halved elements, which tells an error alone
 _IN_VAIN = 30          # Newton steps towards what is out of reach
 
 
@@ -392,10 +393,12 @@ def error_of_fall(mesh: Discretization, gripper: Pose, positions: Floats, before
 
     Where it lands among obstacles depends on all that it meets on the way. With halved elements it
     meets that in another order, and friction may hold it somewhere else. Infinite where it does not
-    come to rest. Arguments as of `error_of_way`, of a fall in one step.
+    come to rest soon. Arguments as of `error_of_way`, of a fall in one step.
     """
     finer = mesh.finer
+    how = search_of(finer, gripper, holds)
     there = equilibrium(finer, gripper, np.repeat(strains, 2, axis=0), finer.past(past), holds,
+                        how=how._replace(steps=min(how.steps, _OF_FALL)),
                         watch=UNWATCHED._replace(rotation=before.rotation))
     return _largest(there.positions[::2] - positions) if there.converged else np.inf
 

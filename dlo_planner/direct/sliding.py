@@ -512,7 +512,8 @@ class _Rings:
         lowest, _ = self._feed_stability(slides)
         forces = np.full(len(self._holds), np.nan)
         forces[self._index] = here.slope
-        matrix = np.full((here.s.size,) * 2, np.nan) if self._matrix is None else self._matrix
+        matrix = np.full((here.s.size,) * 2, np.nan) if (
+            self._matrix is None) else self._matrix.copy()
         work = float(self._slip @ np.abs(here.s - self._begin))
         falls = lowest < -HELD_NEUTRAL
         if falls and not trouble:

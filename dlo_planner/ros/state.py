@@ -271,7 +271,9 @@ class State:
         limit = self.scene.guards.pull_time
         if not limit or heard.force <= most:
             return replace(state, overload_since=None)
-        since = heard.arrived if self.overload_since is None else self.overload_since
+        since = self.overload_since
+        if since is None or self._recent_pull(heard.arrived) is None:
+            since = heard.arrived  # (between two that are far apart nobody knows what it pulled)
         state = replace(state, overload_since=since)
         if heard.arrived - since < limit:
             return state

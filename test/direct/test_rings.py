@@ -321,3 +321,13 @@ def test_two_rings_with_friction_that_pull_against_each_other():
                              holds=holds)
     assert all(shape.converged for shape in shapes)
     assert max(np.abs(shape.slip_forces[:2]).max() for shape in shapes) <= 0.3 + 1e-6
+
+
+def test_on_a_mesh_that_was_refined_it_slides_on():
+    # what a shape in rings keeps of how places answer was the array that is learned on
+    back = (-1.0, 0.0, 0.0)
+    direct = DirectSimulator(Rod(0.92, 0.03, 1.275e-4, 1e-4, radius=0.002))
+    shape = direct.solve(Pose.looking_along((0, 0, 0), back), holds=[
+        Hold(Pose.looking_along((-0.7435, 0, 0), back), 'tube', 0.7452),
+        FarEnd(Pose.looking_along((-0.91796, 0, 0), back))])
+    assert shape.converged

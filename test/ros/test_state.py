@@ -339,6 +339,8 @@ def test_a_pull_that_a_fitting_may_not_bear_stops_the_gripper_when_it_lasts(pull
     assert stopped.execution.cause == Cause.PULL and not stopped.planned
     assert 'pulls with 3 N, for constraints.pull_time = 0.1 s: from 2 N on' in (
         stopped.execution.reason)
+    seldom = replace(pulled, scene=scene(incoming_command_timeout=0.0)).with_pull(Pull(3.0, 10.0))
+    assert seldom.with_pull(Pull(3.0, 15.0)).executing  # of the time between nobody knows
     off = replace(swings, scene=scene(constraints__pull_time=0.0))
     assert off.with_pull(Pull(3.0, 10.11)).execution.cause == Cause.DONE
     assert pulled.stopped(Cause.CANCELED, '').with_pull(Pull(3.0, 11.0)).with_pull(
