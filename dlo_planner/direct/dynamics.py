@@ -53,6 +53,7 @@ _DEEP = 1e-3         # of the length: a DLO so far inside an obstacle is no stat
 _FINEST = 96         # elements at least, where an accuracy chooses the mesh
 _TOLERANCE = 1e-3    # of the length
 _DIFFERENT = 0.1     # of the velocities: what grips and inextensibility may change of them
+_AT_REST = 0.01      # of the largest speed before: the same; splines of poses end with 0.005 of it
 
 
 def refuse_motion(around: Surroundings, strains: str) -> None:
@@ -156,11 +157,20 @@ def nodes_velocity(velocity: Velocity | None, initial: Shape | None, first: Shap
     return np.column_stack([np.interp(first.s, s, one) for one in given.T])
 
 
-def check_velocity(masses: Floats, wanted: Floats, possible: Floats) -> None:
-    """Raise InvalidTask unless velocities (N + 1, 3) are nearly those that are possible."""
+def fastest_of(motion: Motion) -> float:
+    """Return the largest speed of a node at the instants of a Motion, m/s."""
+    return float(np.linalg.norm(motion.velocities, axis=2).max())
+
+
+def check_velocity(masses: Floats, wanted: Floats, possible: Floats, fastest: float = 0.0) -> None:
+    """Raise InvalidTask unless velocities (N + 1, 3) are nearly those that are possible.
+
+    Nearly is by a part of them, or by less of the speed that the motion before had at its
+    `fastest`, m/s: where it ended nearly at rest, grips that stand still change all that was left.
+    """
     size, change = (np.sqrt(masses @ np.sum(one**2, axis=1)) for one in (
         wanted, possible - wanted))
-    if change > _DIFFERENT * size:
+    if change > max(_DIFFERENT * size, _AT_REST * fastest * np.sqrt(masses.sum())):
         raise InvalidTask(
             'velocity: expected one that the grips and a constant length allow; the nearest such '
             f'motion differs from it by {100 * change / size if size else np.inf:.3g} % '
@@ -192,6 +202,7 @@ class InitialConditions(NamedTuple):
     initial: Shape | None
     start: Shape
     velocity: Floats | None
+    fastest: float = 0.0  # m/s, of any node in the motion that it continues
 
 
 def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
@@ -463,7 +474,7 @@ def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     """Return the Motion that begins so; see `DirectSimulator.simulate`."""
     first = stepper.begin(begun.start, begun.velocity)
     if begun.velocity is not None:
-        check_velocity(stepper.masses, begun.velocity, first.velocities)
+        check_velocity(stepper.masses, begun.velocity, first.velocities, begun.fastest)
     if not begun.start.converged:
         ended = Run([first], [], 0.0, 'unsolved', 'the shape at time 0 was not found')
         return _motion(stepper, ended, plan.tolerance, None)

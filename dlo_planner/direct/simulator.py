@@ -27,6 +27,7 @@ from dlo_planner.direct.dynamics import (
     IntegrationOptions,
     Velocity,
     colliding_mesh,
+    fastest_of,
     first_shape,
     motion_tolerance,
     moving_mesh,
@@ -601,11 +602,13 @@ def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers
     tolerance = motion_tolerance(tolerance, simulator.rod.length)
     choice('integrator', integrator, INTEGRATORS)
     refuse_motion(simulator.surroundings, simulator.strains)
-    goes_on = isinstance(initial, Motion)
+    goes_on, fastest = isinstance(initial, Motion), 0.0
     if isinstance(initial, Motion):
         if not len(initial):
             raise InvalidTask('initial: expected a Motion with instants, it has none')
-        velocity = initial.velocities[-1] if velocity is None else velocity
+        if velocity is None:
+            velocity = initial.velocities[-1]
+            fastest = fastest_of(initial)
         initial = initial.shapes[-1]
     simulator._check(grippers[0], initial)
     held = held_by(far_ends, holds, len(grippers), simulator.rod.length)
@@ -618,7 +621,7 @@ def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers
     plan = IntegrationOptions(len(grippers), integrator, tolerance)
     with interrupted_by(steps.check):
         start, mesh = simulator._beginning(grippers[0], held[0], initial, goes_on)
-        begun = InitialConditions(initial, start, nodes_velocity(velocity, initial, start))
+        begun = InitialConditions(initial, start, nodes_velocity(velocity, initial, start), fastest)
         return simulate(make(mesh, grips, dt, simulator.method), begun, plan, steps)
 
 

@@ -821,6 +821,23 @@ def test_what_moves_on_many_points_finds_their_forces_at_once():
             assert np.linalg.norm(contact.friction) <= friction * contact.force * (1 + 1e-9)
 
 
+def test_a_motion_that_ended_nearly_at_rest_goes_on_where_the_gripper_stands_still():
+    # the way of a gripper between instants leaves it a thousandth of its speed at the end
+    direct = DirectSimulator(Rod.circular(0.1, 3e-3, 1200, 1e9, 0.4, damping=(0.0, 1e-3)),
+                             n_elements=16)
+    share = np.linspace(0.0, 1.0, 31)
+    way = [Pose((0.1 * (u - np.sin(2 * np.pi * u) / (2 * np.pi)), 0, 1), LEVEL.quaternion)
+           for u in share]
+    moved = direct.simulate(way, 0.02)
+    hand = np.abs(moved.velocities[-1, 0]).max()
+    assert 0 < hand < 0.01 * np.abs(moved.velocities[:, 0]).max()
+    stands = direct.simulate(way[-1:] * 6, 0.02, moved)
+    assert stands.status == 'complete'
+    half = direct.simulate(way[:16], 0.02)
+    with pytest.raises(InvalidTask, match='velocity'):
+        direct.simulate(way[15:16] * 6, 0.02, half)
+
+
 def test_a_motion_that_rubs_on_a_floor_is_continued_by_its_own():
     """On its own mesh: on that of the DLO at rest there a part would be pressed into the floor."""
     thing = Rod.circular(1.0, 6e-3, density=1600, youngs_modulus=5e6, poisson_ratio=0.4,
