@@ -59,13 +59,3 @@ def pulls_borne(task: Task, plan: Plan) -> Floats:
         more = planned - left / max(steep, _LEAST_STEEP) * along
         most[index] = max(np.linalg.norm(planned), np.linalg.norm(more))
     return most
-    fittings = dict(zip(names_of(task.fittings), task.fittings, strict=True))
-    for index, shape in enumerate(plan.shapes):
-        fitting = fittings.get(shape.holds[0].by) if shape.holds else None
-        if fitting is None or fitting.bears is None:
-            continue
-        way = fitting.pose.position - shape.gripper.position
-        steep = max(float(way @ fitting.outwards / np.linalg.norm(way)), _LEAST_STEEP)
-        left = fitting.bears - float(shape.wrenches[0, :3] @ fitting.outwards)
-        most[index] = np.linalg.norm(shape.gripper_wrench[:3]) + max(left, 0.0) / steep
-    return most
