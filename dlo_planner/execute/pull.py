@@ -5,8 +5,9 @@
 What the gripper pulls more than planned draws the DLO straight between it and the fitting next to
 it. A straight DLO presses that into its seat with the pull times the sine of the angle at which it
 comes up to the seat; a fitting in which it slides passes the pull on, and is pressed by what is
-behind it as well, by all of it where nothing rubs. A gripper above the seat draws the DLO out: that
-is no matter of what the fitting `bears`.
+behind it as well, by all of it where nothing rubs. A DLO that is nearly level is never quite
+straight, and a gripper above the seat draws it out: both count as a little below it, so that a hand
+is stopped that pulls far harder than planned.
 """
 
 from dataclasses import dataclass
@@ -18,9 +19,7 @@ from dlo_planner.inverse.tasks.route import Route, names_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.plan import Plan
 
-# Sine of an angle: a DLO that is led more nearly level is not so straight that this tells what
-# presses, and counts as one at that angle
-_LEAST_STEEP = 0.02
+_LEAST_STEEP = 0.02  # sine of the angle at which a DLO counts that comes up at less, or from above
 
 
 @dataclass(frozen=True)
@@ -52,8 +51,6 @@ def pulls_borne(task: Task, plan: Plan) -> Floats:
         along, *behind = [way / np.linalg.norm(way) for way in ways]
         steep = float(along @ fitting.outwards) + sum(
             max(float(way @ fitting.outwards), 0.0) for way in behind)
-        if steep <= 0.0:
-            continue
         left = max(fitting.bears - float(shape.wrenches[0, :3] @ fitting.outwards), 0.0)
         planned = shape.gripper_wrench[:3]
         more = planned - left / max(steep, _LEAST_STEEP) * along

@@ -286,7 +286,9 @@ class State:
         if self.execution is None or self.running is None or not self.executing:
             return np.inf
         at = self.execution.way.progress([max(self.execution.done, 0.0)])
-        return float(np.interp(at, self.running.plan.times, self.running.pulls_borne)[0])
+        borne = self.running.pulls_borne
+        after = min(int(np.searchsorted(self.running.plan.times, at)[0]), borne.size - 1)
+        return float(borne[max(after - 1, 0):after + 1].min())
 
     def _pull_lost(self, now: float) -> str:
         """Return in words that a pull was measured and is not any more, '' if nothing is wrong."""
