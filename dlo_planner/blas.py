@@ -39,11 +39,11 @@ class _Inside:
 
     def enter(self) -> None:
         with self.lock:
-            self.count += 1
-            if self.count == 1:
+            if not self.count:
                 self.before = [get() for get, _ in _controls()]
                 for _, put in _controls():
                     put(1)
+            self.count += 1
 
     def leave(self) -> None:
         with self.lock:

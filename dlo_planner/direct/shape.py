@@ -630,8 +630,9 @@ class Shape(Pictured):
         made in two halves, as friction depends on the way: by how much these are from the whole
         step is added; that takes as long as the step. Where a DLO has fallen onto obstacles or
         along them it may have landed elsewhere: by how much a fall with halved elements ends
-        elsewhere is added, which takes up to four times as long as the fall. Later steps start
-        from where it landed, and say nothing of that; nor does what slides through rings.
+        elsewhere is added (this may take a second), infinity where that does not come to rest soon.
+        Later steps start from where it landed, and say nothing of that; nor does what slides
+        through rings.
         """
         history = self.state.history
         if history is not None and history.hinge >= 0.0:

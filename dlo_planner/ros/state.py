@@ -37,7 +37,7 @@ _CHECKED = ('the plan is still being checked, which takes some seconds: ask agai
             'says that it is safe')
 _SAME = 1e-3, 5e-3  # m, rad: gripper poses that differ by less are the same
 _SAME_LENGTH = 1e-9  # relative
-_RECENT = 1.0  # s: a force that was measured so long ago is, where nothing else limits that
+_RECENT = 1.0  # s: an older force says nothing of now, where no parameter says how old it may be
 _SEEN = 3  # periods before and after a motion, in which its jerk is seen
 _NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')  # of an arm: part of the name of a topic
 
@@ -176,7 +176,7 @@ class State:
     askers: frozenset[str] = frozenset()  # the nodes that may have asked for them
     enabled: Enabled | None = None      # what was heard last of whether the gripper may move
     pull: Pull | None = None            # the last one that was measured
-    overload_since: float | None = None  # s, steady, since when it may be more than that
+    overload_since: float | None = None  # s, steady, since when a fitting may be overloaded
 
     @property
     def gripper(self) -> Pose | None:
@@ -298,8 +298,8 @@ class State:
                 now - self.pull.arrived <= limit or self._pull_borne() == np.inf):
             return ''
         return (f'measured_wrench: the last one is {now - self.pull.arrived:.3g} s old: expected '
-                f'incoming_command_timeout = {limit:g} s at most, so that no fitting bears more '
-                'than it can')
+                f'incoming_command_timeout = {limit:g} s at most, so that no fitting is '
+                'overloaded')
 
     def with_shape(self, shape: Shape, before: State) -> State:
         """Return the State with a Shape that was found from the State `before`."""
