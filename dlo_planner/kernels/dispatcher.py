@@ -64,7 +64,7 @@ class Unit(NamedTuple):
 
     def load(self) -> None:
         """Load or compile it: machine code that calls it is about to be read."""
-        self.kernel.compile(self.kinds)
+        self.kernel.load(self.kinds)
         if self.symbol not in UNITS:
             raise LookupError(self.symbol)
 
@@ -86,11 +86,14 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return what was compiled before, None if there is nothing or it cannot be read."""
-        kinds = _arguments(sig)
+        target_context.refresh()
+        return self.load(_arguments(sig), target_context)
+
+    def load(self, kinds: tuple[Any, ...], target_context: Any) -> Any:
+        """Return the same for a context that knows all of numba."""
         with suppress(Unseen):
             for called, reduced in files.kept(key_of(self._kernel, kinds)):
                 with suppress(Exception):
-                    target_context.refresh()
                     for one in called:
                         one.load()
                     result = CompileResult._rebuild(target_context, *reduced)
@@ -106,7 +109,8 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
             key = key_of(self._kernel, _arguments(sig))
             if not self._units_only or key.file(()) in UNITS:
                 data = data._replace(type_annotation='')  # a text for people
-                files.keep(key, (_called_by(data.library), data._reduce()))
+                library, *others = data._reduce()
+                files.keep(key, (_called_by(data.library), (_not_copied(data, library), *others)))
 
 
 def key_of(kernel: Dispatcher, kinds: tuple[Any, ...]) -> files.Key:
@@ -123,6 +127,19 @@ def _called_by(library: Any) -> tuple[Unit, ...]:
     """Return the units whose symbols machine code holds."""
     return tuple(UNITS[one.name] for one in library._final_module.functions
                  if one.is_declaration and one.name in UNITS)
+
+
+def _not_copied(data: Any, library: Any) -> Any:
+    """Return what numba keeps of machine code, without LLVM's of it, which callers would copy.
+
+    numba reads that only to see which functions there are: their names are left.
+    """
+    name, kind, (code, _) = library
+    known = {one.name for one in data.library.get_defined_functions()}
+    names = known & {data.fndesc.llvm_func_name, data.fndesc.llvm_cpython_wrapper_name}
+    named = llvm.parse_assembly('\n'.join(f'define void @"{one}"() {{ ret void }}'
+                                          for one in sorted(names)))
+    return name, kind, (code, named.as_bitcode())
 
 
 def _arguments(sig: Any) -> tuple[Any, ...]:
@@ -147,6 +164,19 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba is not annotated
         return super().get_call_template(
             tuple(map(types.unliteral, args)),
             {name: types.unliteral(one) for name, one in dict(kws).items()})
+
+    def load(self, kinds: tuple[Any, ...]) -> None:
+        """Have an overload, for what is read just now under numba's lock.
+
+        As `compile`, which would time every call of LLVM once more for each kernel on the way here.
+        """
+        if kinds in self.overloads:
+            return
+        result = self._cache.load(kinds, self.targetctx)
+        if result is None:
+            self.compile(kinds)
+        else:
+            self.add_overload(result)
 
     def add_overload(self, result: Any) -> None:
         """Take what was compiled or loaded: kernels can call it, Python cannot."""

@@ -108,7 +108,7 @@ class PlannerNode(LifecycleNode):
         first_shapes(direct)
         if monotonic() - started > _COMPILED:
             self.loading.set()
-        Thread(target=self._load_rest, args=(started,), daemon=True).start()
+        Thread(target=self._load_rest, name='loading', args=(started,), daemon=True).start()
         self.get_logger().info(f'shapes can be predicted, after {monotonic() - started:.1f} s')
 
     def _load_rest(self, started: float) -> None:
