@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from dlo_planner.direct.accuracy import surely_within
 from dlo_planner.direct.shape import Shape
@@ -684,7 +684,7 @@ def innovation_of(before: Floats, expected: Floats, after: Floats,
 
 def limit_of(degrees: float) -> float:
     """Return what a chi-square of so many degrees of freedom hardly ever exceeds."""
-    return float(chi2.isf(_RARE, max(degrees, 1.0)))
+    return float(chdtri(max(degrees, 1.0), _RARE))
 
 
 def symmetric(matrix: Floats) -> Floats:
