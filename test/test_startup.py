@@ -13,6 +13,7 @@ from click.testing import CliRunner
 import dlo_planner
 from dlo_planner import blas
 from dlo_planner.cli.main import main as command
+from dlo_planner.kernels import COMPILED
 
 NAME = 'OPENBLAS_NUM_THREADS'
 FIRST_SHAPE = """
@@ -50,6 +51,44 @@ def test_a_first_shape_imports_no_ros_nothing_of_plans_and_little_of_scipy():
     for package in ('interpolate', 'optimize', 'sparse', 'spatial'):
         assert f'scipy.{package}' not in loaded - needed  # SciPy 1.11's linalg brings sparse along
     assert 'rclpy' not in loaded
+
+
+def test_what_a_node_answers_with_needs_nothing_of_statistics():
+    loaded = printed('import sys; from dlo_planner import exercises; print(*sys.modules)').split()
+    assert 'dlo_planner.identify.smoother' in loaded and 'scipy.stats' not in loaded
+
+
+LOADED = """
+import cProfile, pstats
+from dlo_planner import exercises
+from dlo_planner.kernels import files
+read, of_file = [], files._read
+def _read(path):
+    content = of_file(path)
+    read.extend([path] if content else [])
+    return content
+files._read = _read
+profile = cProfile.Profile()
+profile.enable()
+exercises.answers()
+profile.disable()
+first = pstats.Stats(profile).total_calls
+profile = cProfile.Profile()
+profile.enable()
+exercises.answers()
+profile.disable()
+print(len(read), first - pstats.Stats(profile).total_calls)
+"""
+
+
+@pytest.mark.skipif(not COMPILED, reason='there is nothing to load')
+def test_a_kernel_is_loaded_by_few_calls():
+    printed('from dlo_planner import exercises; exercises.answers()')  # all are compiled
+    kernels, calls = map(int, printed(LOADED).split())
+    assert kernels > 300
+    # 4,200 of Python, most of them numba's: twice as many where numba times what one kernel reads
+    # for another, or reads LLVM's code of what is called by its symbol
+    assert calls / kernels < 5500
 
 
 MAIN_PATH = """

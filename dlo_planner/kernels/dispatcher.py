@@ -176,6 +176,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba is not annotated
         if result is None:
             self.compile(kinds)
         else:
+            self._cache_hits[kinds] += 1
             self.add_overload(result)
 
     def add_overload(self, result: Any) -> None:
