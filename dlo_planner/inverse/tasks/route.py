@@ -666,7 +666,7 @@ class _Routing:
             grips = [Grips(pose, shape.holds) for pose in (
                 shape.gripper, *back, *self._poses(begin, shape.holds, goal, rise, nearer))]
             try:
-                plan = led(self._context, grips, self._silent, (), shape)
+                plan = led(self._context, grips, self._silent, known=(shape,))
                 self._check_fittings(plan)
             except Infeasible as error:
                 if refused is None or (error.plan is not None and refused.plan is not None
@@ -772,47 +772,49 @@ class _Routing:
                       * Rotation.from_rotvec((first - lower) * across)
                       * Rotation.from_rotvec(-level * bowed)).as_matrix()
             flat = np.cos(side) * ahead + np.sin(side) * across
-            nonlocal too_hard
+            nonlocal too_hard, rate
             too_hard = False
             loose, tight, wide = slack, 0.0, np.inf  # between the last two is what is wanted
-            known: tuple[float, float] | None = None  # the last one, and its pull
+            known: tuple[float, float] | None = None  # the inverse of the last one, and its pull
+            exactly = fitting.push and side == beside  # whether it is to pull as wanted, nearly
+            least = (1 - _PULLED) * wanted if exactly else wanted / _ABOUT
             for _ in range(_PULLS):
                 if not _TAUTEST <= loose <= max(_SLACKEST, slack):
                     return None
                 pose = Pose.from_rotation(
                     seat + (1 - loose) * s * (np.cos(lower) * flat + np.sin(lower) * out),
                     turned @ begin.gripper.rotation)
-                there = self._simulator.track([pose], initial=found[-1],
-                                              holds=[found[-1].holds])[0]
+                there = found[-1]
+                if (lower, side, loose) != (angle, beside, slack):
+                    there, = self._simulator.track([pose], initial=there, holds=[there.holds])
                 if not there.converged or there.jumped:
                     tight, known, loose = loose, None, loose * _LOOSER
                     continue
                 pulls = self._pull(there, seat)
                 lifts = self._push(there, fitting, name) < -wanted * _LIFTS
-                if lifts and pulls < wanted / _ABOUT:
-                    return None  # what bends it lifts it, not the pull
+                if lifts and pulls < least:
+                    return None  # what bends it lifts it, not the pull: looser it would pull less
                 much = pulls > wanted or lifts
                 tight, wide = (loose, wide) if much else (tight, loose)
-                little = fitting.push and side == beside and pulls < (1 - _PULLED) * wanted
-                if not lifts and not little and (
+                if not lifts and not (exactly and pulls < least) and (
                         not fitting.push or pulls < (1 + _PULLED) * wanted):
                     too_hard = self._push(there, fitting, name) > most
                     good = not too_hard and (
                         there.stability > firm and self._leads_to(found[-1], there))
                     return (there, loose) if good else None
-                guess = loose * (_LOOSER if much else 1 / _LOOSER)
-                if known is not None and min(pulls, known[1]) > 0 and pulls != known[1]:
-                    # a power of what is slack, nearly
-                    power = np.log(loose / known[0]) / np.log(pulls / known[1])
-                    guess = loose * float(np.clip((wanted / pulls) ** power, 1 / _LOOSER**2,
-                                                  _LOOSER**2))
-                known = loose, pulls
+                if known is not None and (pulls - known[1]) * (1 / loose - known[0]) > 0:
+                    rate = (pulls - known[1]) / (1 / loose - known[0])
+                known = 1 / loose, pulls
+                # it pulls as the inverse of what is slack goes, nearly, from wherever it is
+                guess = loose / float(np.clip(1 + loose * (wanted - pulls) / rate, 1 / _LOOSER**2,
+                                              _LOOSER**2)) if rate else 0.0
                 if not tight < guess < wide:
                     guess = float(np.sqrt(tight * wide)) if tight and wide < np.inf else loose * (
                         _LOOSER if much else 1 / _LOOSER)
                 loose = guess
             return None
 
+        rate = 0.0  # N: by how much more it pulls for the inverse of what is slack; 0: not known
         swing, stronger = _SWING, _STRONGER
         while beside != aside or len(found) < 2 or fitting.push and (
                 self._push(found[-1], fitting, name) < fitting.push):
@@ -850,7 +852,7 @@ class _Routing:
         """
         try:
             led(self._context, [Grips(shape.gripper, shape.holds) for shape in (one, other)],
-                self._silent, (), one)
+                replace(self._silent, says_how_deep=False), known=(one, other))
         except Infeasible:
             return False
         return True
@@ -904,7 +906,7 @@ class _Routing:
         self._back = [one.gripper for one in reversed(found[:easy])]
         self._pressed_by = max(pulls)
         try:
-            plan = led(self._context, grips, self._silent, (len(found) - 1,), begin)
+            plan = led(self._context, grips, self._silent, (len(found) - 1,), known=found)
         except Infeasible as error:
             raise again(error, f'press {name}: ') from None
         return self._added(plan, f'press {name}')
