@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -80,6 +80,7 @@ _BOWS = 0.0, 0.1, 0.15, 0.2, 0.3, 0.4, 0.8
 # comes in slacker, and by so much that a hand that gives way takes what its length may be off
 _SLACKER = 0.0, 0.2, 0.4, 0.8
 _EASED = 10.0        # per rad: by how much less than it should it pulls then
+_EDGE = 0.02         # of the least pull: nearer to it none is looked for that does not lift it off
 _LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
 
@@ -399,6 +400,14 @@ class Route(Task):
         """Return the Plan, in stages."""
         instance('context', context, PlanContext)
         return _Routing(self, context).plan()
+
+
+class _Pressed(NamedTuple):
+    """A step in which a DLO is pressed into a fitting."""
+
+    before: Shape
+    after: tuple[Shape, float] | None  # and what is slack then; None: it cannot be
+    too_hard: bool  # whether it cannot because the fitting would bear too much
 
 
 class _Routing:
@@ -743,13 +752,14 @@ class _Routing:
                            pose.rotation[:, 0])
         return made._replace(via_points=())
 
-    def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str,
-                 aside: float) -> tuple[list[Shape], float]:
+    def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str, aside: float,
+                 known_steps: dict[tuple[object, ...], _Pressed]) -> tuple[list[Shape], float]:
         """Return Shapes that press into a fitting that holds the DLO at s, m, until it snaps.
 
         The gripper swings `aside` about the seat, by so many rad, then inwards as long as nothing
         is in the way, then pulls more and more. Also returns how much of `aside` is left at the
-        end, rad: something is in the way there.
+        end, rad: something is in the way there. `known_steps`: those of other ways from `begin`,
+        which begin alike; it is added to.
         """
         out, seat = fitting.outwards, fitting.pose.position
         way = begin.gripper.position - seat
@@ -778,6 +788,8 @@ class _Routing:
             known: tuple[float, float] | None = None  # the inverse of the last one, and its pull
             exactly = fitting.push and side == beside  # whether it is to pull as wanted, nearly
             least = (1 - _PULLED) * wanted if exactly else wanted / _ABOUT
+            # what lifts it off is looked at where it pulls as little as it may, and a little more
+            lifting = (1 + _EDGE) * least if exactly else least
             for _ in range(_PULLS):
                 if not _TAUTEST <= loose <= max(_SLACKEST, slack):
                     return None
@@ -792,7 +804,7 @@ class _Routing:
                     continue
                 pulls = self._pull(there, seat)
                 lifts = self._push(there, fitting, name) < -wanted * _LIFTS
-                if lifts and pulls < least:
+                if lifts and pulls < lifting:
                     return None  # what bends it lifts it, not the pull: looser it would pull less
                 much = pulls > wanted or lifts
                 tight, wide = (loose, wide) if much else (tight, loose)
@@ -806,8 +818,10 @@ class _Routing:
                     rate = (pulls - known[1]) / (1 / loose - known[0])
                 known = 1 / loose, pulls
                 # it pulls as the inverse of what is slack goes, nearly, from wherever it is
-                guess = loose / float(np.clip(1 + loose * (wanted - pulls) / rate, 1 / _LOOSER**2,
-                                              _LOOSER**2)) if rate else 0.0
+                aim = 0.5 * (least + lifting) if lifts else wanted
+                guess = loose / float(np.clip(1 + loose * (aim - pulls) / rate, 1 / _LOOSER**2,
+                                              _LOOSER**2)) if rate and (
+                                                  exactly or not lifts) else 0.0
                 if not tight < guess < wide:
                     guess = float(np.sqrt(tight * wide)) if tight and wide < np.inf else loose * (
                         _LOOSER if much else 1 / _LOOSER)
@@ -823,7 +837,8 @@ class _Routing:
             by = min(swing, angle + _STEEPEST)
             tries = [(angle - by, beside, pull), (angle, beside, stronger * pull)]
             if left:  # what is bowed would come down on what stands ahead: it rises then
-                there = aside - float(np.sign(left)) * max(0.0, abs(left) - _SWING)
+                there = aside if abs(left) < 1.01 * _SWING else beside + float(
+                    np.sign(left)) * _SWING
                 tries = [*((angle + rise, there, pull) for rise in (0.0, 0.5 * _SWING, _SWING)),
                          tries[1]]
             else:
@@ -831,7 +846,11 @@ class _Routing:
             if not fitting.push:  # where nothing has to snap it would pull more and more for ever
                 tries = [one for one in tries if one[2] == pull]
             for lower, side, wanted in tries:
-                if (new := pressed(lower, side, wanted)) is not None:
+                step = id(found[-1]), angle, beside, slack, lower, side, wanted
+                if step not in known_steps:
+                    known_steps[step] = _Pressed(found[-1], pressed(lower, side, wanted), too_hard)
+                _, new, too_hard = known_steps[step]
+                if new is not None:
                     if (lower, side, new[1]) != (angle, beside, slack):  # else it pulls enough
                         found.append(new[0])
                     angle, beside, pull, slack = lower, side, wanted, new[1]
@@ -882,12 +901,12 @@ class _Routing:
         if (broken := self._silent.violation(Waypoint(begin))) is not None:  # as it is turned
             raise self._refused(f'press {name}', broken.name, -broken.room, f'where {name} closes '
                                 f'{broken.message}', broken.unit)
-        pushed, found = -np.inf, [begin]
+        pushed, found, known_steps = -np.inf, [begin], dict[tuple[object, ...], _Pressed]()
         blocked = set[float]()  # sides to which it goes no farther, however far it is to go
         for aside in _ASIDE:
             if np.sign(aside) in blocked:
                 continue
-            shapes, left = self._presses(begin, fitting, s, name, aside)
+            shapes, left = self._presses(begin, fitting, s, name, aside, known_steps)
             if left > (1 - 1e-9) * _SWING:  # a whole step: those to places beyond begin with it
                 blocked.add(float(np.sign(aside)))
             if len(shapes) > 1 and (push := self._push(shapes[-1], fitting, name)) > pushed:
