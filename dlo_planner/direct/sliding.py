@@ -62,9 +62,8 @@ _ROUGHLY = 1e-6       # of the largest force speaks against a place
 _UNSEEN, _LEFT = 1e-10, 1e-4
 _NOISE = 1e-6         # the same, of one that does not make less what speaks against a place
 _BALANCED = 1e-9      # of the largest force: what may speak against a place at the end
-# A place is moved to see how D answers, by a part of the length, but by no more than a part of the
-# slack beside the ring: D goes as its inverse, so that differences err by 1/50 of themselves, and
-# so much is left of what speaks against a place by each step of Newton's method
+# Places are moved to both sides, to see how D answers, by a part of the length, but by no more than
+# a part of the slack beside the ring: D goes as its inverse, so that differences err by (1/50)^2
 _DIFFERENCE, _OF_SLACK = 1e-7, 0.02
 _MESH_MOVED = 1e-6    # of the length: the same, of nodes alone, which costs no solution
 _LONGEST = 0.15       # of the shorter part beside a ring: the longest step
@@ -439,13 +438,16 @@ class _Rings:
         steps = np.clip(_OF_SLACK * self._least_slacks(here.s), _UNSEEN * self._length,
                         _DIFFERENCE * self._length)
         for k in np.flatnonzero(slides):
-            for by in (steps[k], -steps[k]):  # to the other side, if there is no shape on one
+            beside = [here]
+            for by in (-steps[k], steps[k]):
                 places = here.s.copy()
                 places[k] += by
                 there = self._at(self._moved(here.shape, places), places)
                 if there.shape.converged:
-                    matrix[:, k] = (there.slope - here.slope) / by
-                    break
+                    beside.append(there)
+            if len(beside) > 1:
+                one, other = beside[-2:]  # on both sides, if there is a shape on both
+                matrix[:, k] = (other.slope - one.slope) / (other.s[k] - one.s[k])
             else:
                 matrix[:, k] = 0.0
                 matrix[k, k] = self._bend

@@ -80,6 +80,7 @@ _BOWS = 0.0, 0.1, 0.15, 0.2, 0.3, 0.4, 0.8
 # comes in slacker, and by so much that a hand that gives way takes what its length may be off
 _SLACKER = 0.0, 0.2, 0.4, 0.8
 _EASED = 10.0        # per rad: by how much less than it should it pulls then
+_CLOSER = 3          # trials of a way whose corners are rounded into what stands ahead
 _EDGE = 0.02         # of the least pull: nearer to it none is looked for that does not lift it off
 _LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
@@ -773,6 +774,7 @@ class _Routing:
         bowed = self._turn_down(begin, fitting, self._bow)
         most, too_hard = np.inf if fitting.bears is None else fitting.bears, False
         firm = min(_FIRM, _LESS_FIRM * begin.stability)
+        rate = 0.0  # N: by how much more it pulls for the inverse of what is slack; 0: not known
 
         def pressed(lower: float, side: float, wanted: float) -> tuple[Shape, float] | None:
             """Return the Shape at two angles with a pull, N, and what is slack then; or None."""
@@ -828,7 +830,6 @@ class _Routing:
                 loose = guess
             return None
 
-        rate = 0.0  # N: by how much more it pulls for the inverse of what is slack; 0: not known
         swing, stronger = _SWING, _STRONGER
         while beside != aside or len(found) < 2 or fitting.push and (
                 self._push(found[-1], fitting, name) < fitting.push):
@@ -924,10 +925,20 @@ class _Routing:
         grips = [Grips(one.gripper, one.holds) for one in (*found, *reversed(found[easy:-1]))]
         self._back = [one.gripper for one in reversed(found[:easy])]
         self._pressed_by = max(pulls)
-        try:
-            plan = led(self._context, grips, self._silent, (len(found) - 1,), known=found)
-        except Infeasible as error:
-            raise again(error, f'press {name}: ') from None
+        top, known = grips[len(found) - 1], found
+        for left in reversed(range(_CLOSER)):
+            stop = next(k for k, one in enumerate(grips) if one is top)
+            try:
+                plan = led(self._context, grips, self._silent, (stop,), known=known)
+                break
+            except Infeasible as error:
+                at = error.waypoint
+                if error.constraint != 'clearance' or not left or not at:
+                    raise again(error, f'press {name}: ') from None
+                # each step keeps all demands by itself, straight on; its corners are rounded off
+                grips = [new for k, one in enumerate(grips) for new in (
+                    (grips[k - 1].towards(one, 0.5), one) if k and abs(k - at) < 2 else (one,))]
+                known = known[:max(at - 1, 1)]
         return self._added(plan, f'press {name}')
 
     def _push(self, shape: Shape, fitting: Fitting, name: str) -> float:
