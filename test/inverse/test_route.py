@@ -148,8 +148,8 @@ def test_what_slides_is_known_at_rest_only():
     ({'fittings': [replace(CLIP, pose=toward((0.79, 0, 0.1), (-1, 0, 0)))]}, 'reach',
      'clip 1 cannot be reached: the way to it is 0.79 m, the DLO between the far end and the '
      'gripper 0.8 m'),
-    ({'fittings': [replace(CLIP, push=500.0)]}, 'push',
-     'clip 1 snaps at 500 N, the DLO presses'),
+    ({'fittings': [replace(CLIP, push=5e3)]}, 'push',
+     'clip 1 snaps at 5e+03 N, the DLO presses'),
     ({'fittings': [CLIP], 'max_force': 0.05}, 'max_force', 'a grip would exert'),
     ({'fittings': [CLIP], 'clearance': 0.2}, 'clearance', 'nearer than clearance')])
 def test_refusals_name_what_is_missing(change, constraint, said):
@@ -318,7 +318,7 @@ def test_how_hard_the_gripper_pulls_is_found_in_few_trials(monkeypatch):
     asked = tracked_to_press(monkeypatch)
     plan = planned(Route([replace(CLIP, push=0.5), replace(FORK, push=0.5)], far_end=PLUG))
     shapes = sum(len(stage.shapes) // 2 for stage in plan.stages[2::3])
-    assert len(asked) < 2.2 * shapes
+    assert len(asked) < 3.9 * shapes  # of which some cannot be
 
 
 def test_what_is_known_of_a_way_is_not_tracked_again(monkeypatch):
@@ -354,21 +354,20 @@ def test_ways_aside_that_begin_alike_are_gone_once(monkeypatch):
 
 
 def test_a_way_whose_corners_are_rounded_into_what_stands_ahead_has_closer_waypoints(monkeypatch):
-    asked = []
+    asked, tops = [], []
 
     def refuses(context, grips, demands, stops=(), known=(), led=route.led):
         if stops:
             asked.append([one.gripper for one in grips])
-            assert len(known) <= 5 and asked[-1][stops[0]] is asked[0][4]
+            tops.append(asked[-1][stops[0]])
+            assert len(known) == (3 if len(asked) > 1 else stops[0] + 1)
             if len(asked) < 3:
-                raise Infeasible('on the way there', 3, 'clearance', 1e-5, None)
+                raise Infeasible('on the way there', 4, 'clearance', 1e-5, None)
         return led(context, grips, demands, stops, known=known)
     monkeypatch.setattr(route, 'led', refuses)
-    monkeypatch.setattr(_Routing, '_presses', lambda *given, press=_Routing._presses: (
-        press(*given)[0][:5], 0.0))
-    plan = planned(Route([replace(CLIP, push=0.0)], far_end=PLUG))
+    plan = planned(Route([replace(CLIP, push=0.5)], far_end=PLUG))
     first, second, third = map(len, asked)
-    assert (second, third) == (first + 3, first + 6)
+    assert (second, third) == (first + 3, first + 6) and tops == [tops[0]] * 3
     assert plan.stages[-1].name == 'press clip 1' and len(plan.stages[-1].shapes) == third
 
 
