@@ -109,6 +109,9 @@ class PlanChecker:
     # of a plan in which hands close, on its way. If None, each grip is off by an error of its own
     errors: GripErrors | None = None
     plug: Plug | None = None  # in the hand
+    # whether a refusal between two waypoints says how deep the DLO would be in something: to find
+    # that takes several times as long as to find that it is
+    says_how_deep: bool = True
 
     def silent(self) -> PlanChecker:
         """Return the same demands for a search, whose steps are not reported."""

@@ -178,7 +178,8 @@ class _Sweep:
         if middle is None:
             return jumped
         if middle.least < 0:
-            deepest = self._deepest(leg, one, middle, other)
+            deepest = (self._deepest(leg, one, middle, other) if self._demands.says_how_deep
+                       else middle)
             return Margin('clearance', deepest.least, 'on the way there the DLO is {over:.3g} m '
                           + nearer(self._bodies.apart)
                           + verbatim(self._bodies.called_at(deepest.shape)))

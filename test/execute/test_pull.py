@@ -53,6 +53,25 @@ def test_a_fitting_bears_what_it_can_where_the_hand_pulls_as_hard_as_it_may(
     assert push == pytest.approx(1.5, rel=0.05)
 
 
+def test_what_a_fitting_bears_is_that_of_where_the_hand_is():
+    simulator = DirectSimulator(CABLE, n_elements=64, basis='local')
+    plan = InverseSimulator(simulator).plan(
+        MoveTo([hand(-0.04, 1e-3)], far_end=END, holds=[HELD]), start=hand(-0.14, 1e-3))
+    most = pulls_borne(Route([Clip(SEAT, bears=1.5)], far_end=END), plan)
+    assert (np.diff(most) > 0).all() and most[-1] > 2 * most[0]  # as it rises to the seat
+    for k in (0, len(plan) // 2, -1):
+        way = plan.grippers[k].position - SEAT.position
+        way /= np.linalg.norm(way)
+
+        def shape(slack, way=way, k=k):
+            pose = Pose(SEAT.position + (1 - slack) * HELD.s * way, plan.grippers[k].quaternion)
+            return simulator.track([pose], initial=plan.shapes[k], holds=[plan.shapes[k].holds])[0]
+        tight = brentq(lambda slack, shape=shape, k=k: np.linalg.norm(
+            shape(slack).gripper_wrench[:3]) - most[k], 1e-6, 1e-3, rtol=1e-3)
+        push = shape(tight).wrenches[0, :3] @ np.array([0.0, 0.0, 1.0])
+        assert push == pytest.approx(1.5, rel=0.05)
+
+
 def test_a_hand_above_the_seat_may_pull_hard_and_what_bears_anything_bounds_no_pull():
     _, plan = led(0.15)
     task = Route([Clip(SEAT, bears=1.5)], far_end=END)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A DLO that is led through clips, forks and pegs."""
 
+import sys
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
@@ -26,7 +27,9 @@ from dlo_planner import (
     Uncertainty,
     robustness,
 )
+from dlo_planner.direct.grips import Grips
 from dlo_planner.inverse.tasks import route
+from dlo_planner.inverse.tasks.move_to import led
 from dlo_planner.inverse.tasks.route import _HARD, _NEARER, _Routing, hold_by
 from dlo_planner.model.pose import displaced
 from dlo_planner.plan.checks import Margin, PlanChecker
@@ -145,8 +148,8 @@ def test_what_slides_is_known_at_rest_only():
     ({'fittings': [replace(CLIP, pose=toward((0.79, 0, 0.1), (-1, 0, 0)))]}, 'reach',
      'clip 1 cannot be reached: the way to it is 0.79 m, the DLO between the far end and the '
      'gripper 0.8 m'),
-    ({'fittings': [replace(CLIP, push=500.0)]}, 'push',
-     'clip 1 snaps at 500 N, the DLO presses'),
+    ({'fittings': [replace(CLIP, push=5e3)]}, 'push',
+     'clip 1 snaps at 5e+03 N, the DLO presses'),
     ({'fittings': [CLIP], 'max_force': 0.05}, 'max_force', 'a grip would exert'),
     ({'fittings': [CLIP], 'clearance': 0.2}, 'clearance', 'nearer than clearance')])
 def test_refusals_name_what_is_missing(change, constraint, said):
@@ -245,7 +248,7 @@ def test_a_way_that_draws_the_dlo_taut_gives_way_to_one_nearer_to_what_holds_it(
     shape = next(stage for stage in board().stages if stage.name == 'press clip 1').shapes[-1]
     pivot, asked = shape.holds[0].pose.position, []
 
-    def pulls(_, grips, *__):
+    def pulls(_, grips, *__, **___):
         away = [np.linalg.norm(one.gripper.position - pivot) for one in grips]
         asked.append(away[len(away) // 2] / np.mean([away[0], away[-1]]))
         force = np.zeros((3, 1, 6))
@@ -257,7 +260,7 @@ def test_a_way_that_draws_the_dlo_taut_gives_way_to_one_nearer_to_what_holds_it(
     np.testing.assert_allclose(asked, 1 - np.array(_NEARER), atol=5e-4)
     assert found.wrenches[:, 0, 0].max() < _HARD
     nothing = SimpleNamespace(wrenches=np.zeros((3, 1, 6)))  # without weight, unbent
-    monkeypatch.setattr(route, 'led', lambda *_: nothing)
+    monkeypatch.setattr(route, 'led', lambda *_, **__: nothing)
     assert routing._way(shape, goal, 'approach') is nothing
 
 
@@ -269,7 +272,7 @@ def test_it_goes_back_no_farther_than_it_has_to(monkeypatch, hard):
     back = [Pose(shape.gripper.position + (0, 0, 0.01 * k), shape.gripper.quaternion)
             for k in range(1, 9)]
 
-    def needs_half(_, grips, *__):
+    def needs_half(_, grips, *__, **___):
         counts.append(sum(one.gripper in back for one in grips))
         force = np.ones((3, 1, 6))
         if counts[-1] < 4:
@@ -297,6 +300,75 @@ def test_what_lifts_off_is_not_made_slacker_and_slacker(monkeypatch, pulls, near
             monkeypatch.setattr(_Routing, '_pull', pull), press(*asked))[1])
         planned(Route([CLIP], far_end=PLUG))
     assert refused.value.constraint == 'push' and min(tried) > nearest
+
+
+def tracked_to_press(monkeypatch):
+    """Return a list of the steps, as they are asked for, by which a DLO is to be pressed in."""
+    asked = []
+
+    def track(self, grippers, *rest, known=DirectSimulator.track, **how):
+        if sys._getframe(1).f_code.co_name == 'pressed':
+            asked.append((how['initial'], grippers[0]))  # kept, so that no other has its id
+        return known(self, grippers, *rest, **how)
+    monkeypatch.setattr(DirectSimulator, 'track', track)
+    return asked
+
+
+def test_how_hard_the_gripper_pulls_is_found_in_few_trials(monkeypatch):
+    asked = tracked_to_press(monkeypatch)
+    plan = planned(Route([replace(CLIP, push=0.5), replace(FORK, push=0.5)], far_end=PLUG))
+    shapes = sum(len(stage.shapes) // 2 for stage in plan.stages[2::3])
+    assert len(asked) < 3.9 * shapes  # of which some cannot be
+
+
+def test_what_is_known_of_a_way_is_not_tracked_again(monkeypatch):
+    first, direct = board().stages[2].shapes[0], simulator()
+    poses = [Pose(first.gripper.position + (0, 0, 1e-3 * k), first.gripper.quaternion)
+             for k in range(4)]
+    known, asked = [first], []
+    for pose in poses[1:]:
+        known += direct.track([pose], initial=known[-1], holds=[known[-1].holds])
+    track = DirectSimulator.track
+    monkeypatch.setattr(DirectSimulator, 'track', lambda *given, **how: (
+        asked.append(1), track(*given, **how))[1])
+    context, grips = SimpleNamespace(simulator=direct), [Grips(pose, first.holds) for pose in poses]
+    for count, left in ((4, 0), (2, 2)):
+        asked.clear()
+        plan = led(context, grips, PlanChecker((0.1, 0.5)), known=known[:count])
+        assert len(asked) == left and plan.shapes[:count] == tuple(known[:count])
+        np.testing.assert_allclose(plan.shapes[-1].positions, known[-1].positions, atol=1e-8)
+
+
+def test_ways_aside_that_begin_alike_are_gone_once(monkeypatch):
+    asked, fork = tracked_to_press(monkeypatch), IN_LINE[0]
+
+    def aside(_, one, other):  # nothing but a step aside can be
+        ways = [shape.gripper.position - fork.pose.position for shape in (one, other)]
+        return abs(np.cross(*ways) @ fork.outwards) > 1e-3
+    monkeypatch.setattr(_Routing, '_leads_to', aside)
+    monkeypatch.setattr(route, '_BOWS', (0.0,))
+    with pytest.raises(Infeasible, match='fork 1 snaps at'):
+        planned(Route(IN_LINE, far_end=PLUG), start=STEEP, n_elements=24)
+    assert len({(id(one), pose.position.tobytes(), pose.quaternion.tobytes())
+                for one, pose in asked}) == len(asked) > 30
+
+
+def test_a_way_whose_corners_are_rounded_into_what_stands_ahead_has_closer_waypoints(monkeypatch):
+    asked, tops = [], []
+
+    def refuses(context, grips, demands, stops=(), known=(), led=route.led):
+        if stops:
+            asked.append([one.gripper for one in grips])
+            tops.append(asked[-1][stops[0]])
+            assert len(known) == (3 if len(asked) > 1 else stops[0] + 1)
+            if len(asked) < 3:
+                raise Infeasible('on the way there', 4, 'clearance', 1e-5, None)
+        return led(context, grips, demands, stops, known=known)
+    monkeypatch.setattr(route, 'led', refuses)
+    plan = planned(Route([replace(CLIP, push=0.5)], far_end=PLUG))
+    first, second, third = map(len, asked)
+    assert (second, third) == (first + 3, first + 6) and tops == [tops[0]] * 3
+    assert plan.stages[-1].name == 'press clip 1' and len(plan.stages[-1].shapes) == third
 
 
 def test_where_a_closing_clip_brings_the_dlo_onto_the_next_one_it_is_not_pressed(monkeypatch):

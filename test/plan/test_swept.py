@@ -26,9 +26,12 @@ from dlo_planner import (
     Workspace,
 )
 from dlo_planner.energy.scene import build_scene
+from dlo_planner.model.rod import Surface
+from dlo_planner.plan.checks import PlanChecker
 from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import PlanStatus, concatenate
+from dlo_planner.plan.swept import violation_between
 from dlo_planner.plan.workspace import distances_from
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
@@ -222,6 +225,26 @@ def test_an_obstacle_that_the_dlo_only_meets_between_waypoints(rng):
             assert rooms.min() < 2e-3
             touched += rooms[::10].min() > 0  # at no waypoint
     assert touched > 3 and free > 3
+
+
+def test_who_asks_whether_something_is_touched_alone_is_told_sooner(monkeypatch):
+    plan = thread(depths=np.linspace(0, 0.9, 4))
+    _, shapes = moved(plan, 31)
+    place = shapes[14].at(0.5).position  # between two waypoints, near the middle of their way
+    demands = PlanChecker((0.1, 0.5), obstacles=(Sphere(place, 5e-3),), surface=Surface.of(WIRE),
+                          simulator=DIRECT)
+    track, asked = DirectSimulator.track, []
+    monkeypatch.setattr(DirectSimulator, 'track', lambda *given, **how: (
+        asked.append(1), track(*given, **how))[1])
+
+    def told(says_how_deep):
+        asked.clear()
+        broken = violation_between(GripperPath.of(plan), plan.shapes, (), replace(
+            demands, says_how_deep=says_how_deep))
+        return broken, len(asked)
+    (deepest, many), (somewhere, few) = told(True), told(False)
+    assert few < many / 2 and somewhere.place == deepest.place
+    assert deepest.room <= somewhere.room < 0
 
 
 def test_a_dlo_that_falls_between_waypoints_is_refused(monkeypatch):

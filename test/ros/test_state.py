@@ -347,6 +347,27 @@ def test_a_pull_that_a_fitting_may_not_bear_stops_the_gripper_when_it_lasts(pull
         Pull(3.0, 12.0)).execution.cause == Cause.CANCELED
 
 
+def test_what_a_fitting_bears_is_the_least_of_both_waypoints_between_which_the_gripper_is(
+        proved, monkeypatch):
+    bears = np.array([9.0, 2.0, 7.0, 3.0, 8.0, 8.0, 1.0, 9.0])
+    monkeypatch.setattr('dlo_planner.ros.state.pulls_borne', lambda task, plan: bears)
+    state = replace(proved, planned=replace(proved.planned)).with_pull(Pull(0.5, 9.95)).started(
+        10.0)
+    times, way = state.running.plan.times, state.execution.way
+    assert times.size == bears.size
+    for done in np.linspace(0.0, way.duration, 60)[1:-1].tolist():
+        k = np.flatnonzero(times < way.progress([done])[0])[-1]  # it is between this one and next
+        least = min(bears[k], bears[k + 1])
+        there = replace(state, execution=replace(state.execution, done=done))
+        assert there.with_pull(Pull(0.99 * least, 10.0)).overload_since is None
+        assert there.with_pull(Pull(1.01 * least, 10.0)).overload_since == 10.0
+    # before it begins, and at its end
+    for done, least in ((-0.5, 9.0), (0.0, 9.0), (way.duration, 1.0)):
+        there = replace(state, execution=replace(state.execution, done=done))
+        assert there.with_pull(Pull(0.99 * least, 10.0)).overload_since is None
+        assert there.with_pull(Pull(1.01 * least, 10.0)).overload_since == 10.0
+
+
 def test_a_pull_that_is_not_heard_of_any_more_stops_the_gripper(proved, pulled):
     assert pulled.after_tick(10.04).execution.cause == Cause.DONE
     lost = pulled.after_tick(10.06).execution

@@ -61,20 +61,24 @@ def limit(name: str, value: object) -> float | None:
 
 
 def led(context: PlanContext, grips: Sequence[Grips], demands: PlanChecker,
-        stops: Collection[int] = (), first: Shape | None = None) -> Plan:
+        stops: Collection[int] = (), first: Shape | None = None,
+        known: Sequence[Shape] = ()) -> Plan:
     """Return the Plan of a DLO that is led straight through n Grips, or raise Infeasible.
 
-    The first Shape is found from `first`, or naturally. Where the DLO is hardly stable there are
-    more waypoints than Grips.
+    The first Shape is found from `first`, or naturally. `known` are the Shapes at the first of the
+    Grips where they are known, each tracked from the one before. Where the DLO is hardly stable
+    there are more waypoints than Grips.
     """
     branch = GivenPoses(context.simulator.without_obstacles(), [one.gripper for one in grips],
                         [one.holds for one in grips])
-    builder, before = PlanBuilder(np.zeros(len(grips)), demands), branch.first(first).shape
+    builder = PlanBuilder(np.zeros(len(grips)), demands)
+    before = known[0] if known else branch.first(first).shape
     found = [before]
     for index, goal in enumerate(grips):
         builder.check()
         if index:
-            found = _followed(branch.simulator, before, goal, _HALVINGS)
+            after = known[index] if index < len(known) and before is known[index - 1] else None
+            found = _followed(branch.simulator, before, goal, _HALVINGS, after)
             builder.lengthen(len(found) - 1)
         for shape in found:
             refused = branch.refusal(builder, None, Step(BranchPoint(shape), 0.0))
@@ -87,8 +91,11 @@ def led(context: PlanContext, grips: Sequence[Grips], demands: PlanChecker,
     return builder.finished()
 
 
-def _followed(simulator: DirectSimulator, before: Shape, goal: Grips, halvings: int) -> list[Shape]:
+def _followed(simulator: DirectSimulator, before: Shape, goal: Grips, halvings: int,
+              after: Shape | None = None) -> list[Shape]:
     """Return the Shapes in which a DLO follows its grips, the last one at `goal`.
+
+    `after`: where one step leads, if that is known.
 
     Near the loss of stability there are two shapes close to each other, and a long step may lead
     to that in which the DLO does not come: steps are halved until the stability is halved at most
@@ -98,7 +105,8 @@ def _followed(simulator: DirectSimulator, before: Shape, goal: Grips, halvings: 
     """
     here = Grips(before.gripper, before.holds)
     middle = here.towards(goal, 0.5)
-    after, = simulator.track([goal.gripper], initial=before, holds=goal.holds)
+    if after is None:
+        after, = simulator.track([goal.gripper], initial=before, holds=goal.holds)
     least = min(before.stability, after.stability)
     if not after.converged or after.jumped or not NEUTRAL < least < SURELY_STABLE:
         return [after]

@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -80,6 +80,8 @@ _BOWS = 0.0, 0.1, 0.15, 0.2, 0.3, 0.4, 0.8
 # comes in slacker, and by so much that a hand that gives way takes what its length may be off
 _SLACKER = 0.0, 0.2, 0.4, 0.8
 _EASED = 10.0        # per rad: by how much less than it should it pulls then
+_CLOSER = 3          # trials of a way whose corners are rounded into what stands ahead
+_EDGE = 0.02         # of the least pull: nearer to it none is looked for that does not lift it off
 _LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
 
@@ -401,6 +403,14 @@ class Route(Task):
         return _Routing(self, context).plan()
 
 
+class _Pressed(NamedTuple):
+    """A step in which a DLO is pressed into a fitting."""
+
+    before: Shape
+    after: tuple[Shape, float] | None  # and what is slack then; None: it cannot be
+    too_hard: bool  # whether it cannot because the fitting would bear too much
+
+
 class _Routing:
     """Makes the stages of a Route one after the other."""
 
@@ -666,7 +676,7 @@ class _Routing:
             grips = [Grips(pose, shape.holds) for pose in (
                 shape.gripper, *back, *self._poses(begin, shape.holds, goal, rise, nearer))]
             try:
-                plan = led(self._context, grips, self._silent, (), shape)
+                plan = led(self._context, grips, self._silent, known=(shape,))
                 self._check_fittings(plan)
             except Infeasible as error:
                 if refused is None or (error.plan is not None and refused.plan is not None
@@ -743,13 +753,14 @@ class _Routing:
                            pose.rotation[:, 0])
         return made._replace(via_points=())
 
-    def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str,
-                 aside: float) -> tuple[list[Shape], float]:
+    def _presses(self, begin: Shape, fitting: Fitting, s: float, name: str, aside: float,
+                 known_steps: dict[tuple[object, ...], _Pressed]) -> tuple[list[Shape], float]:
         """Return Shapes that press into a fitting that holds the DLO at s, m, until it snaps.
 
         The gripper swings `aside` about the seat, by so many rad, then inwards as long as nothing
         is in the way, then pulls more and more. Also returns how much of `aside` is left at the
-        end, rad: something is in the way there.
+        end, rad: something is in the way there. `known_steps`: those of other ways from `begin`,
+        which begin alike; it is added to.
         """
         out, seat = fitting.outwards, fitting.pose.position
         way = begin.gripper.position - seat
@@ -763,6 +774,7 @@ class _Routing:
         bowed = self._turn_down(begin, fitting, self._bow)
         most, too_hard = np.inf if fitting.bears is None else fitting.bears, False
         firm = min(_FIRM, _LESS_FIRM * begin.stability)
+        rate = 0.0  # N: by how much more it pulls for the inverse of what is slack; 0: not known
 
         def pressed(lower: float, side: float, wanted: float) -> tuple[Shape, float] | None:
             """Return the Shape at two angles with a pull, N, and what is slack then; or None."""
@@ -772,41 +784,46 @@ class _Routing:
                       * Rotation.from_rotvec((first - lower) * across)
                       * Rotation.from_rotvec(-level * bowed)).as_matrix()
             flat = np.cos(side) * ahead + np.sin(side) * across
-            nonlocal too_hard
+            nonlocal too_hard, rate
             too_hard = False
             loose, tight, wide = slack, 0.0, np.inf  # between the last two is what is wanted
-            known: tuple[float, float] | None = None  # the last one, and its pull
+            known: tuple[float, float] | None = None  # the inverse of the last one, and its pull
+            exactly = fitting.push and side == beside  # whether it is to pull as wanted, nearly
+            least = (1 - _PULLED) * wanted if exactly else wanted / _ABOUT
+            # what lifts it off is looked at where it pulls as little as it may, and a little more
+            lifting = (1 + _EDGE) * least if exactly else least
             for _ in range(_PULLS):
                 if not _TAUTEST <= loose <= max(_SLACKEST, slack):
                     return None
                 pose = Pose.from_rotation(
                     seat + (1 - loose) * s * (np.cos(lower) * flat + np.sin(lower) * out),
                     turned @ begin.gripper.rotation)
-                there = self._simulator.track([pose], initial=found[-1],
-                                              holds=[found[-1].holds])[0]
+                there = found[-1]
+                if (lower, side, loose) != (angle, beside, slack):
+                    there, = self._simulator.track([pose], initial=there, holds=[there.holds])
                 if not there.converged or there.jumped:
                     tight, known, loose = loose, None, loose * _LOOSER
                     continue
                 pulls = self._pull(there, seat)
                 lifts = self._push(there, fitting, name) < -wanted * _LIFTS
-                if lifts and pulls < wanted / _ABOUT:
-                    return None  # what bends it lifts it, not the pull
+                if lifts and pulls < lifting:
+                    return None  # what bends it lifts it, not the pull: looser it would pull less
                 much = pulls > wanted or lifts
                 tight, wide = (loose, wide) if much else (tight, loose)
-                little = fitting.push and side == beside and pulls < (1 - _PULLED) * wanted
-                if not lifts and not little and (
+                if not lifts and not (exactly and pulls < least) and (
                         not fitting.push or pulls < (1 + _PULLED) * wanted):
                     too_hard = self._push(there, fitting, name) > most
                     good = not too_hard and (
                         there.stability > firm and self._leads_to(found[-1], there))
                     return (there, loose) if good else None
-                guess = loose * (_LOOSER if much else 1 / _LOOSER)
-                if known is not None and min(pulls, known[1]) > 0 and pulls != known[1]:
-                    # a power of what is slack, nearly
-                    power = np.log(loose / known[0]) / np.log(pulls / known[1])
-                    guess = loose * float(np.clip((wanted / pulls) ** power, 1 / _LOOSER**2,
-                                                  _LOOSER**2))
-                known = loose, pulls
+                if known is not None and (pulls - known[1]) * (1 / loose - known[0]) > 0:
+                    rate = (pulls - known[1]) / (1 / loose - known[0])
+                known = 1 / loose, pulls
+                # it pulls as the inverse of what is slack goes, nearly, from wherever it is
+                aim = 0.5 * (least + lifting) if lifts else wanted
+                guess = loose / float(np.clip(1 + loose * (aim - pulls) / rate, 1 / _LOOSER**2,
+                                              _LOOSER**2)) if rate and (
+                                                  exactly or not lifts) else 0.0
                 if not tight < guess < wide:
                     guess = float(np.sqrt(tight * wide)) if tight and wide < np.inf else loose * (
                         _LOOSER if much else 1 / _LOOSER)
@@ -821,7 +838,8 @@ class _Routing:
             by = min(swing, angle + _STEEPEST)
             tries = [(angle - by, beside, pull), (angle, beside, stronger * pull)]
             if left:  # what is bowed would come down on what stands ahead: it rises then
-                there = aside - float(np.sign(left)) * max(0.0, abs(left) - _SWING)
+                there = aside if abs(left) < 1.01 * _SWING else beside + float(
+                    np.sign(left)) * _SWING
                 tries = [*((angle + rise, there, pull) for rise in (0.0, 0.5 * _SWING, _SWING)),
                          tries[1]]
             else:
@@ -829,7 +847,11 @@ class _Routing:
             if not fitting.push:  # where nothing has to snap it would pull more and more for ever
                 tries = [one for one in tries if one[2] == pull]
             for lower, side, wanted in tries:
-                if (new := pressed(lower, side, wanted)) is not None:
+                step = id(found[-1]), angle, beside, slack, lower, side, wanted
+                if step not in known_steps:
+                    known_steps[step] = _Pressed(found[-1], pressed(lower, side, wanted), too_hard)
+                _, new, too_hard = known_steps[step]
+                if new is not None:
                     if (lower, side, new[1]) != (angle, beside, slack):  # else it pulls enough
                         found.append(new[0])
                     angle, beside, pull, slack = lower, side, wanted, new[1]
@@ -850,7 +872,7 @@ class _Routing:
         """
         try:
             led(self._context, [Grips(shape.gripper, shape.holds) for shape in (one, other)],
-                self._silent, (), one)
+                replace(self._silent, says_how_deep=False), known=(one, other))
         except Infeasible:
             return False
         return True
@@ -880,12 +902,12 @@ class _Routing:
         if (broken := self._silent.violation(Waypoint(begin))) is not None:  # as it is turned
             raise self._refused(f'press {name}', broken.name, -broken.room, f'where {name} closes '
                                 f'{broken.message}', broken.unit)
-        pushed, found = -np.inf, [begin]
+        pushed, found, known_steps = -np.inf, [begin], dict[tuple[object, ...], _Pressed]()
         blocked = set[float]()  # sides to which it goes no farther, however far it is to go
         for aside in _ASIDE:
             if np.sign(aside) in blocked:
                 continue
-            shapes, left = self._presses(begin, fitting, s, name, aside)
+            shapes, left = self._presses(begin, fitting, s, name, aside, known_steps)
             if left > (1 - 1e-9) * _SWING:  # a whole step: those to places beyond begin with it
                 blocked.add(float(np.sign(aside)))
             if len(shapes) > 1 and (push := self._push(shapes[-1], fitting, name)) > pushed:
@@ -903,10 +925,20 @@ class _Routing:
         grips = [Grips(one.gripper, one.holds) for one in (*found, *reversed(found[easy:-1]))]
         self._back = [one.gripper for one in reversed(found[:easy])]
         self._pressed_by = max(pulls)
-        try:
-            plan = led(self._context, grips, self._silent, (len(found) - 1,), begin)
-        except Infeasible as error:
-            raise again(error, f'press {name}: ') from None
+        top, known = grips[len(found) - 1], found
+        for left in reversed(range(_CLOSER)):
+            stop = next(k for k, one in enumerate(grips) if one is top)
+            try:
+                plan = led(self._context, grips, self._silent, (stop,), known=known)
+                break
+            except Infeasible as error:
+                at = error.waypoint
+                if error.constraint != 'clearance' or not left or not at:
+                    raise again(error, f'press {name}: ') from None
+                # each step keeps all demands by itself, straight on; its corners are rounded off
+                grips = [new for k, one in enumerate(grips) for new in (
+                    (grips[k - 1].towards(one, 0.5), one) if k and abs(k - at) < 2 else (one,))]
+                known = known[:max(at - 1, 1)]
         return self._added(plan, f'press {name}')
 
     def _push(self, shape: Shape, fitting: Fitting, name: str) -> float:
