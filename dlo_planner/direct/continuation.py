@@ -146,9 +146,8 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
         falls = _has_fallen(previous, shape)
     found = _in_parts(take, previous, goal, way, halvings, shape, first, failed, most, falls=falls)
     if whole and holds and failed and shape is not None:  # no grips go in halves else
-        end = 'found' if found.converged else 'not converged'
-        found = changed(found, state=changed(
-            found.state, tried=(*shape.state.tried, Try('in halves', end))))
+        halves = Try('in halves', 'found' if found.converged else 'not converged')
+        found = changed(found, state=changed(found.state, tried=(*shape.state.tried, halves)))
     return found
 
 
@@ -193,7 +192,7 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
     there = _partway(previous, goal)
     lying = shape is None and half is not None  # two halves of what lies were looked at
     middle = follow(take, previous, there.gripper, there.holds, False, left, half,
-                    lying and _has_fallen(previous, half))
+                    lying and half is not None and _has_fallen(previous, half))
     if not middle.converged:
         if shape is None and not (whole and lying):
             return _jumped(middle)

@@ -631,8 +631,8 @@ class Shape(Pictured):
         made in two halves, as friction depends on the way: by how much these are from the whole
         step is added; that takes as long as the step. Where a DLO has fallen onto obstacles or
         along them it may have landed elsewhere: by how much a fall with halved elements ends
-        elsewhere is added (this may take a second), infinity where that does not come to rest soon, or
-        the DLO slides through rings. Later steps start from where it landed, and say nothing of
+        elsewhere is added (this may take a second), infinity where that does not come to rest soon,
+        or the DLO slides through rings. Later steps start from where it landed, and say nothing of
         that.
         """
         history = self.state.history
