@@ -83,7 +83,8 @@ def fine_enough(shape: Shape, accuracy: float) -> bool:
     if shape.contacts and _tells(shape, accuracy):
         return _clearly_within(shape, accuracy)
     return not _mode_is_missed(shape, accuracy) and (
-        _clearly_within(shape, accuracy) or _error_nearby(shape) <= _ENOUGH * accuracy)
+        _clearly_within(shape, accuracy) or (
+            _error_nearby(shape) if shape.contacts else shape.error_estimate) <= _ENOUGH * accuracy)
 
 
 def judged(shape: Shape, accuracy: float) -> Shape:
@@ -106,7 +107,7 @@ def _error_nearby(shape: Shape) -> float:
     enough.
     """
     estimate = shape.state.estimate
-    if not (shape.contacts and isinstance(estimate, partial) and estimate.func is estimated):
+    if not (isinstance(estimate, partial) and estimate.func is estimated):
         return shape.error_estimate
     if 'error_estimate' not in shape.__dict__:
         near = changed(shape, state=changed(shape.state, estimate=partial(estimate, most=_FALLS)))

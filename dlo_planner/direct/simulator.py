@@ -374,7 +374,7 @@ class DirectSimulator(Value):
             held = holds_of(far_end, holds, self.surroundings.rod.length)
         self._check(gripper, initial, held)
         try:
-            take = self._taken_by(held, gripper)
+            take = self._taken_by(held, None if initial is None else gripper)
             if initial is None or not (made_by(self, initial) or initial.state.kept):
                 shape = take(gripper, initial, held)
             else:
