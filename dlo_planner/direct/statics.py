@@ -142,6 +142,9 @@ def _accurate(solver: StepSolver, gripper: Pose, initial: Shape | None, how: Ste
             finer = None
             if shape.hinge is not None and shape.outlier is None:  # these elements may be too long
                 finer = refined(mesh, fine, shape, accuracy)
+            elif (mesh.basis != fine and how.most == np.inf and not shape.jumped
+                  and initial is not None and initial.contacts):
+                finer = refined(mesh, fine, shape, accuracy)  # a series waves between contacts
             if finer is None:
                 return shape
             mesh, start, expected = finer.with_nodes(inside) if inside else finer, None, np.inf
