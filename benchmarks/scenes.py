@@ -11,6 +11,8 @@ balance of forces, and by how much friction exceeds Coulomb's cone.
     python -m benchmarks.scenes --cap 20       no more than 20 s of CPU time for a scene
     python -m benchmarks.scenes --drawn 1      the same with other rods and frictions, of this seed
     python -m benchmarks.scenes --default      on the meshes that the default accuracy takes
+    python -m benchmarks.scenes --seeds 8      sums over these and those of seeds 1 to 8: falls
+                                               are chaotic, and a single one says nothing
 """
 
 from __future__ import annotations
@@ -48,6 +50,7 @@ WIRE = Rod.circular(0.5, 0.0015, 7850, 2.0e11, 0.3)   # steel
 STRIP = Rod.rectangular(0.4, 0.02, 0.0005, 7850, 2.0e11, 0.3)
 POINTS = 10   # of an element, where its distance is looked at
 LIMIT = 20.0  # s of a step: what takes longer is given up
+SLOW = 0.2    # s of a step that is slow
 
 Scene = tuple[Rod, list[Obstacle], list[Pose]]
 
@@ -184,7 +187,7 @@ HELD: dict[str, Callable[[], tuple[Scene, list[Pose]]]] = {
 
 def drawn(name: str, seed: int) -> Scene:
     """Return a scene with other frictions, 0.2 to 0.8, and a stiffer or softer rod, if round."""
-    rod, bodies, poses = SCENES[name]()
+    rod, bodies, poses = SCENES[name]() if name in SCENES else HELD[name]()[0]
     rng = np.random.default_rng([seed, *name.encode()])
     stiffer, heavier = np.exp(rng.uniform(-1.0, 1.0)), np.exp(rng.uniform(-0.5, 0.5))
     other = Rod(rod.length, heavier * rod.mass_per_length,
@@ -254,8 +257,7 @@ def run(name: str, cap: float, seed: int | None = None, default: bool = False) -
         (rod, bodies, poses), ends = HELD[name]()
     else:
         rod, bodies, poses = SCENES[name]() if seed is None else drawn(name, seed)
-    direct = (DirectSimulator(rod, obstacles=bodies, gravity=GRAVITY) if default else
-              DirectSimulator(rod, obstacles=bodies, gravity=GRAVITY, basis='local', n_elements=64))
+    direct = _simulator(rod, bodies, default)
     times: list[float] = []
     failed = fell = 0
     depth = wrong = cone = 0.0
@@ -275,6 +277,36 @@ def run(name: str, cap: float, seed: int | None = None, default: bool = False) -
             f'first {1e3 * first:6.0f} ms, then median {1e3 * np.median(rest):7.1f} '
             f'90 % {1e3 * np.quantile(rest, 0.9):7.0f} most {1e3 * rest.max():7.0f} ms  '
             f'deep {depth:7.1e} m  forces {wrong:7.1e}  cone {cone:8.1e}')
+
+
+def _simulator(rod: Rod, bodies: list[Obstacle], default: bool) -> DirectSimulator:
+    """Return what follows a scene, on 64 local elements, or those that the `default` takes."""
+    if default:
+        return DirectSimulator(rod, obstacles=bodies, gravity=GRAVITY)
+    return DirectSimulator(rod, obstacles=bodies, gravity=GRAVITY, basis='local', n_elements=64)
+
+
+def summed(names: Iterable[str], seeds: int, default: bool) -> str:
+    """Return a row for all steps but the first of scenes, as they are and drawn by some seeds."""
+    times: list[float] = []
+    failed, medians, estimates = 0, [], []
+    for name in names:
+        for seed in range(seeds + 1):
+            ends = HELD[name]()[1] if name in HELD else None
+            rod, bodies, poses = (drawn(name, seed) if seed else
+                                  HELD[name]()[0] if name in HELD else SCENES[name]())
+            steps = list(_steps(_simulator(rod, bodies, default), poses, ends))
+            medians.append(np.median([time for _, time in steps[1:]]))
+            for shape, time in steps[1:]:
+                times.append(time)
+                failed += shape is None or not shape.converged
+                if shape is not None and shape.jumped and shape.contacts:
+                    estimates.append(shape.error_estimate)
+    slow = int(np.sum(np.array(times) > SLOW))
+    return (f'{len(times)} steps  {slow} above {SLOW} s ({slow / len(times):.2%})  '
+            f'worst {1e3 * max(times):.0f} ms  sum {sum(times):.1f} s  '
+            f'largest median {1e3 * max(medians):.0f} ms  failed {failed}  '
+            f'falls {len(estimates)}, {int(np.sum(np.isinf(estimates)))} without an estimate')
 
 
 def _steps(direct: DirectSimulator, poses: list[Pose],
@@ -301,7 +333,14 @@ def main() -> None:
     parser.add_argument('--cap', type=float, default=60.0, help='s of CPU time for a scene')
     parser.add_argument('--default', action='store_true', help='meshes of the default accuracy')
     parser.add_argument('--drawn', type=int, metavar='SEED', help='with other rods and frictions')
+    parser.add_argument('--seeds', type=int, metavar='N', help='sums over these scenes, and those '
+                        'drawn by seeds 1 to N')
     given = parser.parse_args()
+    if given.seeds is not None:
+        for kind in (SCENES, HELD):
+            print(summed([name for name in kind if name in (given.names or kind)], given.seeds,
+                         given.default), flush=True)
+        return
     for name in given.names or [*SCENES, *HELD]:
         print(run(name, given.cap, given.drawn, given.default), flush=True)
 

@@ -32,16 +32,16 @@ from dlo_planner.direct.equilibrium import (
 )
 from dlo_planner.direct.grips import Grips, frame_inside, grips_at
 from dlo_planner.direct.self_passage import has_passed
-from dlo_planner.direct.shape import LYING, Shape
+from dlo_planner.direct.shape import LYING, Shape, Try
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
 from dlo_planner.geometry.so3 import matrix, rotation_vector, times_transposed, transposed_times
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.holds import Holds, alike, carried_on, counterpart, have_rings
+from dlo_planner.model.holds import Holds, alike, carried_on, counterpart, have_rings, spans_of
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import changed, freeze
+from dlo_planner.model.value import Constant, changed, freeze
 
 Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, holds, `StepInputs.most`)
 
@@ -72,7 +72,8 @@ _STEEPEST = 30.0
 
 
 def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
-           at_once: bool = False, halvings: int | None = None, tried: Shape | None = None) -> Shape:
+           at_once: bool = False, halvings: int | None = None, tried: Shape | None = None,
+           falls: bool = False) -> Shape:
     """Return the Shape at `gripper` that continues `previous`; its `jumped` says if none does.
 
     None does where, in parts of the step however short, it changes more than these can cause,
@@ -86,6 +87,7 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
         at_once: whether what hangs freely goes in one step however far the gripper turns
         halvings: how often a part of a step may be made in halves; None: it is the whole step
         tried: Shape of this part, if it is known
+        falls: whether it is known to fall in this part, which is made in halves at once
     """
     whole, last = halvings is None, halvings == 0
     if whole:
@@ -96,6 +98,8 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
         holds = carried_on(holds, previous.holds)
     goal = Grips(gripper, holds)
     way = _way(previous, goal)
+    if falls and not last:
+        return _in_parts(take, previous, goal, way, halvings, None, None, False, np.inf)
     touched = bool(previous.contacts)
     if (len(previous.contacts) >= LYING and alike(previous.holds, holds) and not last
             and way.size > 2.0 * _SHORTEST_LYING and not _is_long(way, True, at_once)):
@@ -105,7 +109,8 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
             if there.passed_itself is False:
                 return _with_error_of_way(previous, there)
         return _in_parts(take, previous, goal, way, halvings, None, half,
-                         not (half.converged or half.state.kicks), np.inf, end)
+                         not (half.converged or half.state.kicks), np.inf, end,
+                         end is not None and _has_fallen(half, end))
     shape: Shape | None = None
     first: Shape | None = None
     most, failed = np.inf, False
@@ -118,11 +123,9 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
         if tried is None or last and tried.state.kicks:
             tried = take(gripper, previous, holds, most)
         shape = tried
-        # (what is straight behind a grip goes with it, and may be stopped by the DLO)
-        swept = shape.state.mesh is not None and shape.state.mesh.touches_itself
         if not (shape.converged or shape.state.kicks) and (
-                shape.jumped or holds and whole and not swept):
-            return shape  # it went in parts already: the way is blocked, or out of reach
+                shape.jumped or holds and whole and not _may_get_there(shape)):
+            return shape  # the way is blocked, or out of reach
         good, touches = sound(previous, shape, way), touched or bool(shape.contacts)
         if good and (last or not _changes(previous, shape)):
             if last or not shape.contacts or not _is_long(way, touches, at_once):
@@ -140,12 +143,35 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
                 if way.size <= _OFF or shape.passed_itself is False:
                     return shape
         failed = not shape.converged and (most == np.inf or touched and not shape.state.kicks)
-    return _in_parts(take, previous, goal, way, halvings, shape, first, failed, most)
+        falls = _has_fallen(previous, shape)
+    found = _in_parts(take, previous, goal, way, halvings, shape, first, failed, most, falls=falls)
+    if whole and holds and failed and shape is not None:  # no grips go in halves else
+        halves = Try('in halves', 'found' if found.converged else 'not converged')
+        found = changed(found, state=changed(found.state, tried=(*shape.state.tried, halves)))
+    return found
+
+
+def _may_get_there(shape: Shape) -> bool:
+    """Whether a step to all grips of a Shape that is no equilibrium may be found in parts.
+
+    Among obstacles, if these grips can be reached. What is straight behind a grip goes with it, and
+    may be stopped by the DLO.
+    """
+    mesh = shape.state.mesh
+    if mesh is None or mesh.touches_itself:
+        return mesh is not None
+    spans = spans_of(shape.holds, shape.gripper, float(shape.s[-1]))
+    return mesh.obstructed and all(span.reaches(mesh.loaded) for span in spans)
+
+
+def _has_fallen(previous: Shape, shape: Shape) -> bool:
+    """Whether a step left an unstable shape, or changed more than the motion of grips can cause."""
+    return bool(shape.state.kicks) or shape.converged and fell(previous, shape)
 
 
 def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halvings: int | None,
               shape: Shape | None, half: Shape | None, failed: bool, most: float,
-              end: Shape | None = None) -> Shape:
+              end: Shape | None = None, falls: bool = False) -> Shape:
     """Return what `follow` does, in two halves.
 
     Args:
@@ -155,6 +181,7 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
         failed: whether no equilibrium is found at once
         most: see `StepInputs`: with which `shape` was found
         end: what the second half leads to from `half`, if that has been looked for
+        falls: whether all of it falls: then the second half does if the first one does not
     """
     whole = halvings is None
     if halvings is None:
@@ -163,8 +190,9 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
         halvings = min(max(ceil(log2(parts)), _LEAST), _MOST)
     left = (min(halvings, _FAILURES) if failed else halvings) - 1
     there = _partway(previous, goal)
-    middle = follow(take, previous, there.gripper, there.holds, False, left, half)
     lying = shape is None and half is not None  # two halves of what lies were looked at
+    middle = follow(take, previous, there.gripper, there.holds, False, left, half,
+                    lying and half is not None and _has_fallen(previous, half))
     if not middle.converged:
         if shape is None and not (whole and lying):
             return _jumped(middle)
@@ -178,7 +206,7 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
         known = end if half is not None and middle.state is half.state else None
         after = min(left, _AFTER) if middle.jumped else left
         rest = follow(take, middle, goal.gripper, goal.holds, False,
-                      0 if fell_and_lies else after, known)
+                      0 if fell_and_lies else after, known, falls and not middle.jumped)
         if fell_and_lies and not rest.converged:
             rest = follow(take, middle, goal.gripper, goal.holds, False, after, rest)
         if not rest.converged and (whole and lying if shape is None else
@@ -218,10 +246,13 @@ def _fallen(previous: Shape, shape: Shape) -> Shape:
     """Return a Shape that a DLO has fallen into in a step from a previous one: it says so.
 
     What hangs freely does not remember its way. Of what slides through rings it is not known how
-    far elsewhere that may have landed.
+    far elsewhere that may have landed: anywhere.
     """
-    if shape.jumped or not (shape.converged and shape.contacts) or shape.state.feed is not None:
+    if shape.jumped or not (shape.converged and shape.contacts):
         return _jumped(shape)
+    if shape.state.feed is not None:
+        estimate = AlongWay(shape.state.estimate, falls=(Constant(np.inf),))
+        return _jumped(changed(shape, state=changed(shape.state, estimate=estimate)))
     return _with_error_of_way(previous, _jumped(shape), True)
 
 

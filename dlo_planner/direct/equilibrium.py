@@ -334,19 +334,19 @@ def hanging_shape(mesh: Discretization, gripper: Pose, strains: Floats, frames: 
 
 
 def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: Floats,
-              before: Memory, holds: Holds, culled: bool) -> float:
+              before: Memory, holds: Holds, culled: bool, most: float = np.inf) -> float:
     """Return how far, in m, the nodes are from the true rod's: see `Shape.error_estimate`.
 
     The elements are of second order, so halving them removes three quarters of their error.
     A few Newton steps from the given shape are enough: what they leave undone is far below
     what they find. In contact it may be that the finer DLO finds no equilibrium nearby, let go by
-    friction for instance: then nothing is known, and the estimate is infinite.
+    friction for instance: then nothing is known, and the estimate is infinite. `most`: of `halved`.
     """
     if culled and not holds:
         there = solution(mesh.finer, gripper, np.repeat(strains, 2, axis=0), None, (), _HALVED,
                          True).positions
         return _error_from(mesh, positions, there)
-    finer = halved(mesh, gripper, strains, before, holds, culled)
+    finer = halved(mesh, gripper, strains, before, holds, culled, most)
     return np.inf if finer is None else moved_from(mesh, positions, finer, culled)
 
 
@@ -406,14 +406,19 @@ def error_of_fall(mesh: Discretization, gripper: Pose, positions: Floats, before
 
 
 def halved(mesh: Discretization, gripper: Pose, strains: Floats, before: Memory,
-           holds: Holds, culled: bool) -> Shape | None:
-    """Return the equilibrium beside strains (N, 3) with every element halved; None without one."""
+           holds: Holds, culled: bool, most: float = np.inf) -> Shape | None:
+    """Return the equilibrium beside strains (N, 3) with every element halved; None without one.
+
+    Among obstacles it is followed by `most`, rad, and no farther than to where it falls, if that is
+    finite.
+    """
     finer, start = mesh.finer, np.repeat(strains, 2, axis=0)
     past, shape = finer.past(before), None
     if holds:
         shape = held_nearby(finer, gripper, start, past, holds, culled)
     if shape is None:
-        shape = equilibrium(finer, gripper, start, past, holds, culled=culled)
+        watch = UNWATCHED._replace(most=most) if most < np.inf and not culled else None
+        shape = equilibrium(finer, gripper, start, past, holds, culled=culled, watch=watch)
         if not shape.converged:
             return None
     return shape

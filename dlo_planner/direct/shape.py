@@ -527,6 +527,7 @@ class Shape(Pictured):
         * 'moved': the grips are moved from where they were, around obstacles, in small parts;
         * 'set down': without a shape before, it is brought into its grips, then among obstacles;
         * 'by parts': what is between two grips is sought by itself, then all together;
+        * 'in halves': held, among obstacles, it was not found at once; so may each half be;
         * 'from elsewhere': it falls onto the obstacles from above, or swings against them;
         * 'paper': the series describe the paper's (q_d, q_kappa, q_tau).
 
@@ -630,9 +631,9 @@ class Shape(Pictured):
         made in two halves, as friction depends on the way: by how much these are from the whole
         step is added; that takes as long as the step. Where a DLO has fallen onto obstacles or
         along them it may have landed elsewhere: by how much a fall with halved elements ends
-        elsewhere is added (this may take a second), infinity where that does not come to rest soon.
-        Later steps start from where it landed, and say nothing of that; nor does what slides
-        through rings.
+        elsewhere is added (this may take a second), infinity where that does not come to rest soon,
+        or the DLO slides through rings. Later steps start from where it landed, and say nothing of
+        that.
         """
         history = self.state.history
         if history is not None and history.hinge >= 0.0:

@@ -35,6 +35,7 @@ from dlo_planner.direct.dynamics import (
     refuse_motion,
     simulate,
 )
+from dlo_planner.direct.grips import Grips
 from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.search import METHODS, STRAINS
@@ -373,7 +374,7 @@ class DirectSimulator(Value):
             held = holds_of(far_end, holds, self.surroundings.rod.length)
         self._check(gripper, initial, held)
         try:
-            take = self._taken_by(held)
+            take = self._taken_by(held, None if initial is None else gripper)
             if initial is None or not (made_by(self, initial) or initial.state.kept):
                 shape = take(gripper, initial, held)
             else:
@@ -425,7 +426,7 @@ class DirectSimulator(Value):
                 if before is None:
                     shape = self._equilibrium(gripper, initial, there)
                 else:
-                    shape = follow(self._taken_by(there), before, gripper, there)
+                    shape = follow(self._taken_by(there, gripper), before, gripper, there)
                     if self.accuracy is not None and self._asked:
                         shape = judged(shape, self.accuracy)
                 shapes.append(shape)
@@ -515,10 +516,13 @@ class DirectSimulator(Value):
             return judged(shape, self.accuracy)
         return shape
 
-    def _taken_by(self, holds: Holds) -> Equilibrium:
-        """Return what takes steps of the DLO in these holds."""
+    def _taken_by(self, holds: Holds, gripper: Pose | None = None) -> Equilibrium:
+        """Return what takes steps of the DLO in these holds, or parts of one to a gripper."""
+        goal = None
+        if gripper is not None and not self.surroundings.pinned:  # (the DLO turns what pins it)
+            goal = Grips(gripper, holds)
         solver = StepSolver(self._discretization, self._fine, self.accuracy, self._history,
-                            self.method, self.strains)
+                            self.method, self.strains, goal)
         if holds and have_rings(holds):
             from dlo_planner.direct.sliding import slid  # noqa: PLC0415  (no other DLO needs it)
             return partial(slid, solver)

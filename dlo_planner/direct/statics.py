@@ -88,6 +88,7 @@ class StepSolver(NamedTuple):
     memory: Memory | None    # what the DLO starts with if there is no Shape of it before
     method: str
     strains: str
+    goal: Grips | None = None  # where the step ends; a step to anywhere else is part of its way
 
     def take(self, gripper: Pose, initial: Shape | None, holds: Holds = (),
              most: float = np.inf) -> Shape:
@@ -102,6 +103,11 @@ class StepSolver(NamedTuple):
         if holds and holds[0].s is not None:  # (the tip's is the last)
             mesh = mesh.with_nodes(places_of(holds))
         return step(mesh, gripper, initial, how)
+
+    def passes(self, gripper: Pose, holds: Holds) -> bool:
+        """Return whether these grips are not yet at the end of the step, but on the way to it."""
+        return self.goal is not None and not (
+            gripper is self.goal.gripper and holds is self.goal.holds)
 
 
 def _accurate(solver: StepSolver, gripper: Pose, initial: Shape | None, how: StepInputs) -> Shape:
@@ -136,6 +142,9 @@ def _accurate(solver: StepSolver, gripper: Pose, initial: Shape | None, how: Ste
             finer = None
             if shape.hinge is not None and shape.outlier is None:  # these elements may be too long
                 finer = refined(mesh, fine, shape, accuracy)
+            elif (mesh.basis != fine and how.most == np.inf and not shape.jumped
+                  and initial is not None and initial.contacts):
+                finer = refined(mesh, fine, shape, accuracy)  # a series waves between contacts
             if finer is None:
                 return shape
             mesh, start, expected = finer.with_nodes(inside) if inside else finer, None, np.inf
@@ -147,6 +156,9 @@ def _accurate(solver: StepSolver, gripper: Pose, initial: Shape | None, how: Ste
             if lasts and (fine == 'local' or initial is not None and mesh == initial.state.mesh):
                 return shape
             accuracy = (1.0 if lasts else _OF_FIRST_SET) * wanted
+        if (initial is not None and initial.contacts and mesh is initial.state.mesh
+                and solver.passes(gripper, holds) and not shape.dissipated):
+            return shape  # the end of the way tells whether the mesh is fine enough
         if expected < np.inf:
             shape = with_error_confirmed(shape, expected)
         # the first mesh is hardly ever fine enough: then nothing else is computed on it

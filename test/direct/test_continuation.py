@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
+from dlo_planner import Box, DirectSimulator, FarEnd, Pose, Rod
 from dlo_planner.direct.continuation import fell, follow, shape_change
 from dlo_planner.direct.grips import between
-from dlo_planner.direct.shape import Contact
+from dlo_planner.direct.shape import Contact, Feed
 
 ROD = Rod(1.0, 0.0, 1.0, 0.7)
 STRAIGHT = DirectSimulator(ROD, n_elements=16, gravity=(0, 0, 0)).solve(Pose.identity())
@@ -73,6 +73,27 @@ def test_what_is_left_of_a_way_after_a_fall_is_made_at_once(leaps):
     assert shape_change(shape, bent(goal, 0.9 * len(leaps))) < 1e-9
     after = [way for way in ways if leaps[0] < way[0] < 0.045 or way[0] > leaps[-1]]
     assert len(after) <= 4 + len(leaps)  # not one for each of the eleven halves of the way before
+
+
+def test_no_attempt_is_made_at_what_has_been_found_to_fall():
+    # all of a way falls, its first half does not: then the second one does
+    asked = []
+
+    def equilibrium(gripper, initial, holds, most=np.inf):
+        begin, turned = (Rotation.from_matrix(np.array(one.rotation)).as_rotvec()[2]
+                         for one in (initial.gripper, gripper))
+        asked.append((begin, turned, begin < 0.0687 < turned))
+        return bent(gripper, 0.9 * (turned > 0.0687))
+
+    assert follow(equilibrium, bent(pose(0.0), 0.0), pose(0.08)).jumped
+    fell = {(round(begin, 9), round(turned, 9)) for begin, turned, falls in asked if falls}
+    good = {(round(begin, 9), round(turned, 9)) for begin, turned, falls in asked if not falls}
+    shortest = min(turned - begin for begin, turned in fell)
+    for begin, turned in fell:
+        middle = round(0.5 * (begin + turned), 9)
+        if (begin, middle) in good and turned - begin > 2.1 * shortest:
+            assert (middle, turned) not in fell
+    assert len(asked) <= 18  # 22 with all of these attempts
 
 
 def test_a_failure_on_the_way_is_not_passed_over():
@@ -251,3 +272,44 @@ def test_a_fall_along_an_obstacle_is_exact_only_where_it_is_the_answer(ends):
     assert ends or shape.residual == np.inf  # its `most`: the whole step is the answer
     exact = [most == np.inf for falls, most in asked if falls]
     assert not any(exact[:-2]) and exact[-1] and len(exact) > 4
+
+
+def test_grips_that_are_not_found_at_once_go_in_halves_and_say_so():
+    box = Box(Pose((5, 0, 0), (0, 0, 0, 1)), (0.1, 0.1, 0.1))
+    direct = DirectSimulator(Rod(1.0, 0.01, 1e-3, 7e-4, radius=1e-3), obstacles=[box],
+                             basis='local', n_elements=16)
+    asked = []
+
+    def equilibrium(gripper, initial, holds, most=np.inf):
+        shape = direct.solve(gripper, far_end=holds[0])
+        asked.append(np.linalg.norm(gripper.position - initial.gripper.position))
+        return replace(shape, converged=shape.converged and asked[-1] < 0.06)
+
+    def ends(x):
+        return Pose((x, 0, 0), (0, 0, 0, 1)), (FarEnd(Pose((x + 0.7, 0, 0), (0, 0, 0, 1))),)
+
+    (gripper, held), (there, goal) = ends(0.0), ends(0.2)
+    before = direct.solve(gripper, far_end=held[0])
+    shape = follow(equilibrium, before, there, goal)
+    assert shape.converged and shape.gripper is there and asked[0] == pytest.approx(0.2)
+    assert shape.tried[-1] == ('in halves', 'found')
+    asked.clear()  # what is out of reach is so in any part
+    far = (FarEnd(Pose((1.3, 0, 0), (0, 0, 0, 1))),)
+    shape = follow(equilibrium, before, there, far)
+    assert not shape.converged and len(asked) == 1
+    assert ('in halves', 'not converged') not in shape.tried
+
+
+def test_what_falls_in_rings_may_have_landed_anywhere():
+    feed = Feed(np.zeros(0), (), np.zeros((0, 0)), 0.0, '')
+
+    def equilibrium(gripper, initial, holds, most=np.inf):
+        turned = Rotation.from_matrix(np.array(gripper.rotation)).as_rotvec()[2]
+        shape = touching(gripper, 0.9 * (turned > 0.05), 0)
+        return replace(shape, state=replace(shape.state, feed=feed, culled=False))
+
+    before = equilibrium(pose(0.0), None, ())
+    shape = follow(equilibrium, before, pose(0.04))
+    assert not shape.jumped and np.isfinite(shape.error_estimate)
+    shape = follow(equilibrium, before, pose(0.06))
+    assert shape.jumped and shape.converged and shape.error_estimate == np.inf

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.scenes import CABLE, GRAVITY, HELD, SCENES, beyond_cones, deepest, drawn, unbalanced
 from dlo_planner import DirectSimulator, FarEnd, Plane, Pose
-from dlo_planner.direct import equilibrium
+from dlo_planner.direct import equilibrium, statics
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.discretization import even_mesh
 
@@ -50,6 +50,22 @@ def test_a_laid_cable_keeps_a_mesh_that_tells():
     shape = laid(simulator(), 16)
     assert len(shape.contacts) > 10
     assert 64 <= len(shape.element_strains) < 200
+
+
+def test_the_mesh_is_judged_at_the_end_of_a_step(monkeypatch):
+    direct, asked = simulator(), []
+    begin = laid(direct, 10)
+
+    def judged(shape, accuracy):
+        asked.append(shape.gripper.position[2])
+        return fine_enough(shape, accuracy)
+
+    fine_enough = statics.fine_enough
+    monkeypatch.setattr(statics, 'fine_enough', judged)
+    there = SCENES['laid']()[2][10]
+    shape = direct.solve(there, begin)
+    assert len(begin.contacts) > 4 and shape.state.mesh is begin.state.mesh
+    assert asked and set(asked) == {there.position[2]}
 
 
 def test_its_error_is_below_the_bound_that_decides():
