@@ -224,9 +224,10 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
         scheme = after if left > 1 else how
         _solve_step(system, scheme, buffer, row, options, guess)
         account(system, scheme, how, buffer, row, options)
-        if how.gamma == 1.0 or not (_bears(buffer, row) or buffer.after_impact[row - 1]):
+        stirred = _bears(buffer, row) or buffer.after_impact[row - 1]
+        if how.gamma == 1.0 or not (stirred or buffer.held.shape[1]):
             return
-        if options.follows and not _lands(system, how, buffer, row):
+        if not stirred or options.follows and not _lands(system, how, buffer, row):
             if left > 0:
                 credit_renewal(trial, _balance(buffer.energies[row]), options.began, options.noise)
             good = buffer.converged[row] and is_good(buffer, row, trial, options)
@@ -938,24 +939,22 @@ def consistent_rates(system: Problem, calm: SchemeCoefficients, how: SchemeCoeff
         for i in range(6):
             wrench = buffer.hold_wrenches[last, a, i]
             buffer.hold_wrenches[now, a, i] = buffer.mean_wrenches[now, 1 + a, i] = wrench
-    if going and not buffer.held.shape[1]:  # of several grips none's own impulse is known
-        buffer.energies[now, WORK] += _work_of_impulse(how, buffer, now, ahead, back, before)
+    if going:
+        buffer.energies[now, WORK] += _work_of_impulse(how, buffer.nodes[1, now], before)
     buffer.energies[now, KINETIC] = _kinetic(how, buffer.nodes, now)
 
 
 @kernel
-def _work_of_impulse(how, buffer, now, ahead, back, before):
-    """Return the work of the gripper that changes velocities from `before` (N + 1, 3), J."""
-    turn, work = rotation_vector(times_transposed(matrix(buffer.bases[ahead]),
-                                                  matrix(buffer.bases[back]))), 0.0
-    places, speeds = buffer.nodes[0, now], buffer.nodes[1, now]
+def _work_of_impulse(how, speeds, before):
+    """Return the work of the grips that change velocities (N + 1, 3) from `before`, J.
+
+    Forces that keep the length do none, so all that the impulse m dv does along the new velocities
+    is theirs. It is no less than what the kinetic energy grows by: what was not allowed is lost.
+    """
+    work = 0.0
     for k in range(how.masses.size):
         for i in range(3):
-            j, m = (i + 1) % 3, (i + 2) % 3
-            way = 0.5 * (speeds[0, i] + before[0, i]) + (
-                turn[j] * (places[k, m] - places[0, m]) - turn[m] * (places[k, j] - places[0, j])
-            ) / (2 * how.dt)
-            work += how.masses[k] * (speeds[k, i] - before[k, i]) * way
+            work += how.masses[k] * (speeds[k, i] - before[k, i]) * speeds[k, i]
     return work
 
 
