@@ -39,7 +39,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import array, number, returned, vector
-from dlo_planner.model.holds import FarEnd, Hold, Holds, named, place_of, unreached
+from dlo_planner.model.holds import FarEnd, Hold, Holds, named, place_of, spans_of, unreached
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import Surroundings
 from dlo_planner.progress import Progress, interrupted_by
@@ -124,6 +124,23 @@ def first_shape(discretization: Discretization, gripper: Pose, holds: Holds,
         raise InvalidTask(f'initial: expected a Shape outside of all obstacles, it is '
                           f'{first.violation:.3g} m inside one')
     return first
+
+
+def at_full_length(found: Shape, holds: Holds, memory: Memory | None) -> Shape:
+    """Return the Shape at time 0 between grips as far apart as the DLO is long, else `found`.
+
+    There it is the only one, and what the DLO has without loads: at rest it would be pulled without
+    end, in motion for the time alone until they come nearer.
+    """
+    mesh, gripper = found.state.mesh, found.gripper
+    if found.converged or mesh is None or not mesh.loaded:
+        return found
+    spans = spans_of(holds, gripper, mesh.s.item(-1))
+    if all(span.reaches(True) for span in spans) or not all(span.reaches(False) for span in spans):
+        return found
+    bare = mesh.within(replace(mesh.surroundings, gravity=np.zeros(3), load=None, point_loads=()))
+    there = equilibrium(bare, gripper, np.array(bare.free.natural), bare.start, holds)
+    return first_shape(mesh, gripper, holds, there, memory) if there.converged else found
 
 
 def _check_held(what: str, where: str, grip: Hold, pose: Pose, length: float) -> None:
@@ -687,10 +704,12 @@ def _blocked(stepper: Stepper, instants: int) -> tuple[float, str]:
 
 def _out_of_reach(stepper: Stepper, instants: int) -> tuple[float, str]:
     """Return where grips are first out of reach of each other, infinity if never; and in words."""
-    mesh, kinds = stepper.discretization, stepper.grips.kinds
+    mesh, kinds, begins = stepper.discretization, stepper.grips.kinds, True
     for place in np.arange((instants - 1) * _LOOKS + 1) / _LOOKS if kinds else ():
         gripper, holds = stepper.grips.at(float(place))
-        too_far = unreached(holds, gripper, float(mesh.s[-1]), mesh.loaded)
+        # (a motion may begin at the full length)
+        too_far = unreached(holds, gripper, float(mesh.s[-1]), mesh.loaded and not begins)
+        begins = begins and bool(unreached(holds, gripper, float(mesh.s[-1]), mesh.loaded))
         if too_far:
             return float(place), (f'out of reach: at {place * stepper.dt:.6g} s {too_far}: no '
                                   'shape of the DLO can follow')

@@ -50,11 +50,13 @@ from dlo_planner.direct.shape import Shape, State, self_contacts_of
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
 from dlo_planner.energy.problem import Problem
+from dlo_planner.energy.scene import build_scene
 from dlo_planner.geometry.self_passage import first_passage
 from dlo_planner.minimize.convergence import accept_by_decrement
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.holds import spans_along
+from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import Constant, freeze
 from dlo_planner.progress import uninterrupted
 
@@ -390,9 +392,13 @@ class Stepper:
         brief = Scheme('paper', min(short, _BRIEF[1] * self.own_time))
         ahead = brief.dt / self.dt
         buffer = self._buffer(now.place + ahead * np.array([0.0, 1.0, 2.0, 0.0, -1.0]), now.row)
+        hangs = self.hangs_from(now)
+        problem = self._problem(hangs)
+        if self.discretization.obstructed and not hangs and not len(now.row.contacts):
+            problem = self._untouched  # what may be met in that time does not act yet
         uninterrupted(consistent_rates(
-            self._problem(self.hangs_from(now)), self.coefficients(brief, (0.0, 0.0)),
-            self.coefficients(brief), buffer, going, self._options(brief, Acceptance(), _AT_ONCE)))
+            problem, self.coefficients(brief, (0.0, 0.0)), self.coefficients(brief), buffer, going,
+            self._options(brief, Acceptance(), _AT_ONCE)))
         energies = now.row.energies.copy()
         energies[[KINETIC, WORK]] = buffer.energies[PAST, [KINETIC, WORK]]
         if now.place == 0.0:  # no work is done yet
@@ -400,9 +406,6 @@ class Stepper:
         row = now.row._replace(nodes=buffer.nodes[:, PAST].copy(), energies=energies,
                                bends=buffer.bends[:, PAST].copy(), impulsive=0,
                                **{name: getattr(buffer, name)[PAST].copy() for name in _WRENCHES})
-        if now.place > 0.0 and not len(now.row.contacts) and buffer.starts[1].any():
-            # it lands in that time: what stops it is no force that grips exert all along a step
-            row = row._replace(**{name: getattr(now.row, name) for name in _WRENCHES})
         freeze(row)
         return replace(now, row=row, given=now.shape)
 
@@ -426,6 +429,13 @@ class Stepper:
         if not (mesh.touches_itself and ends):
             return mesh.full
         return mesh.full._replace(rays=np.ones((2, 3)))
+
+    @cached_property
+    def _untouched(self) -> Problem:
+        """The Problem with all that may act but obstacles; of the same type."""
+        mesh, full = self.discretization, self._full
+        none = build_scene((), Surface.of(mesh.rod), mesh.s)
+        return full._replace(contact=full.contact._replace(scene=none))
 
     def problem(self, now: TimePoint, place: float, scheme: Scheme) -> Problem:
         """Return the Problem of one step of a Scheme to a place."""
@@ -522,7 +532,7 @@ class Stepper:
         axes, targets = (np.stack(arrays, axis=1) for arrays in zip(*ways, strict=True))
         spans = spans_along(kinds, origins, targets, axes, mesh.s.item(-1))
         return (targets, axes, mesh.grip_rows(kinds, axes),
-                np.array([reach_of(mesh, there) for there in spans]))
+                np.array([reach_of(mesh, there, True) for there in spans]))
 
 
 def _extrapolated(course: Floats, dt: float, share: float) -> Floats:
