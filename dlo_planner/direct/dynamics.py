@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import groupby
@@ -366,16 +367,17 @@ def _followed(other: _Other, begun: InitialConditions, plan: IntegrationOptions,
     now = stepper.begin(_start_on(mesh, begun, other.changed), velocity)
     found[0] = worst = _apart(now.positions[other.there], made.positions[0][other.here])
     at, known = 0, 1  # time in units; instants that are known
+    energy = _EnergyBudget(now, plan)
     for size, steps in groupby(other.sizes.tolist()):
         left, scheme = len(list(steps)), Scheme(plan.integrator, stepper.dt * size / _UNITS)
         if at:
-            now = stepper.resized(now, scheme.dt)
+            now = energy.resized(now, scheme.dt)
         while left:
             reached = at + size * np.arange(1, min(left, MOST) + 1)
-            batch = stepper.steps(now, (), reached / _UNITS, scheme, Acceptance())
+            batch = energy.steps(now, reached / _UNITS, scheme)
             count = made_here = len(batch.errors)
             if not made_here:
-                batch, count = _otherwise(stepper, now, size, left, scheme)
+                batch, count = _otherwise(energy, now, size, left, scheme)
             if not count:
                 return False
             reached = reached[:count] if made_here else reached[count - 1:count]
@@ -397,7 +399,7 @@ def _followed(other: _Other, begun: InitialConditions, plan: IntegrationOptions,
     return False
 
 
-def _otherwise(stepper: Stepper, now: TimePoint, size: int, left: int,
+def _otherwise(energy: _EnergyBudget, now: TimePoint, size: int, left: int,
                scheme: Scheme) -> tuple[StepBatch, int]:
     """Return the StepBatch of a step that is not solved at once, and of how many steps it is.
 
@@ -410,15 +412,17 @@ def _otherwise(stepper: Stepper, now: TimePoint, size: int, left: int,
         if count > left:
             break
         place, brief = (at + count * size) / _UNITS, scheme.dt * count / parts
-        last = stepper.resized(now, brief)
+        trial = energy.copy()
+        last = trial.resized(now, brief)
         for k in range(1, parts + 1):
-            batch = stepper.steps(last, (), np.array([now.place + (place - now.place) * k / parts]),
-                                  scheme._replace(dt=brief), Acceptance())
+            batch = trial.steps(last, np.array([now.place + (place - now.place) * k / parts]),
+                                scheme._replace(dt=brief))
             if batch.refused is not None:
                 break
             last = batch.last
         if batch.refused is None:
-            last = stepper.resized(last, scheme.dt)
+            last = trial.resized(last, scheme.dt)
+            energy.budget = trial.budget
             return batch._replace(kept=[last] if place == round(place) else [], last=last), count
     return batch, 0
 
@@ -535,6 +539,39 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
     return control.run(reached)
 
 
+class _EnergyBudget:
+    """What a motion may gain of energy by rounding and errors, as long as its steps are good."""
+
+    def __init__(self, first: TimePoint, plan: IntegrationOptions) -> None:
+        mesh, self._stepper = first.stepper.discretization, first.stepper
+        self.budget = np.array([first.balance, *first.row.energies[[STATIC, STATIC, KINETIC]],
+                                first.balance])
+        self.began = first.balance
+        # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
+        self.noise = KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
+                             + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
+        self.limit = np.inf if plan.integrator == 'paper' else self.noise
+
+    def copy(self) -> _EnergyBudget:
+        """Return another one with as much left."""
+        other = copy(self)
+        other.budget = self.budget.copy()
+        return other
+
+    def resized(self, now: TimePoint, dt: float) -> TimePoint:
+        """Return the TimePoint from which steps of dt (s) go on, if that makes no energy up."""
+        fresh = self._stepper.resized(now, dt)
+        return fresh if credit_renewal(self.budget, fresh.balance, self.began, self.noise) else now
+
+    def steps(self, now: TimePoint, places: Floats, scheme: Scheme) -> StepBatch:
+        """Return the StepBatch of steps of a Scheme that end at `places` (n,), of any error."""
+        damps = scheme.dt < 1.5 * self._stepper.dt / (1 << _DAMPING)
+        batch = self._stepper.steps(now, (), places, scheme, Acceptance(
+            part=_GAIN, noise=self.limit, budget=self.budget, began=self.began, damps=damps))
+        self.budget = batch.budget
+        return batch
+
+
 class _StepControl:
     """Makes the steps of a motion, as long as they may be.
 
@@ -555,13 +592,7 @@ class _StepControl:
         self._steps: list[int] = []
         self._errors: list[float] = []
         self._samples: list[Floats] = []
-        self._budget = np.array([first.balance, *first.row.energies[[STATIC, STATIC, KINETIC]],
-                                first.balance])
-        self._began = first.balance
-        mesh = stepper.discretization
-        # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
-        self._noise = KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
-                              + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
+        self._energy = _EnergyBudget(first, plan)
 
     @property
     def level(self) -> int:
@@ -624,11 +655,9 @@ class _StepControl:
         """Return a StepBatch of the next steps, `most` of them at most, which are entered here."""
         plan, stepper = self._plan, self._stepper
         scheme = plan.scheme(stepper.dt, level)
-        now, budget = self.now, self._budget.copy()
+        now, energy = self.now, self._energy.copy()
         if self._steps and self._steps[-1] != level:
-            fresh = stepper.resized(now, scheme.dt)
-            if credit_renewal(budget, fresh.balance, self._began, self._noise):
-                now = fresh
+            now = energy.resized(now, scheme.dt)
         error = np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance
         damps, reach = level >= _DAMPING or most == 1, 0.0  # (one is made where shorter ones fail)
         if damps:
@@ -636,14 +665,15 @@ class _StepControl:
                      else plan.tolerance)
         limits = Acceptance(
             MAX_ITERATIONS if patient else _PATIENCE, error, _BEARING * error, reach, _GAIN,
-            np.inf if self._fixed else self._noise, budget, self._began, damps)
+            energy.limit, energy.budget, energy.began, damps)
         size = 1 << (HALVINGS - level)
         count = min(most, self._length(size))
         places = (self._at + size * np.arange(1, count + 1)) / (1 << HALVINGS)
         batch = stepper.steps(now, self._past, places, scheme, limits)
         made = len(batch.errors)
         if made:
-            self.now, self._past, self._budget = batch.last, batch.past, batch.budget
+            self.now, self._past, energy.budget = batch.last, batch.past, batch.budget
+            self._energy = energy
             self._at += made * size
             self._steps += [level] * made
             self._errors += batch.errors.tolist()
