@@ -275,6 +275,7 @@ class _Other(NamedTuple):
     here: Ints   # nodes that both have, of the motion whose error is sought,
     there: Ints  # and of this one
     sizes: Ints  # (k,) how long its steps are, in units
+    gain: float  # times what the motion may gain of energy, it may
 
 
 def _sizes(steps: Sequence[int]) -> Ints:
@@ -286,7 +287,7 @@ def _finer(stepper: Stepper, sizes: Ints) -> _Other:
     """Return the motion in which all elements and steps are halves."""
     mesh, here = stepper.discretization.finer, np.arange(stepper.discretization.s.size)
     return _Other(Stepper(mesh, stepper.grips, stepper.dt, watched=2 * stepper.watched),
-                  lambda known, holds: known.finer, here, 2 * here, np.repeat(sizes // 2, 2))
+                  lambda known, holds: known.finer, here, 2 * here, np.repeat(sizes // 2, 2), 1.0)
 
 
 def _coarser(stepper: Stepper, sizes: Ints) -> _Other:
@@ -306,7 +307,7 @@ def _coarser(stepper: Stepper, sizes: Ints) -> _Other:
         Stepper(mesh, stepper.grips, stepper.dt, watched=np.searchsorted(kept, stepper.watched)),
         lambda mesh, holds: Discretization(
             mesh.surroundings, mesh.s[_every_other(mesh, holds)], 'local', 0),
-        kept, np.arange(kept.size), np.array(pairs, dtype=np.int64))
+        kept, np.arange(kept.size), np.array(pairs, dtype=np.int64), _ROUGH_GAIN)
 
 
 def _every_other(mesh: Discretization, holds: Holds, more: ArrayLike = ()) -> Ints:
@@ -322,7 +323,9 @@ _DEAR = 4.0
 # times what halving everything changes, among obstacles: the error, of an order below one
 _LANDING = 3.0
 # times as much work as the finer motion may take the coarser one, which has to come to the end
-_ROUGHLY = 8.0
+_ROUGHLY = 32.0
+# times what the motion may gain of energy: the errors of steps twice as long, of second order
+_ROUGH_GAIN = 4.0
 # of the length: motions that are so far apart tell nothing of each other any more
 _PARTED = 0.25
 
@@ -367,7 +370,7 @@ def _followed(other: _Other, begun: InitialConditions, plan: IntegrationOptions,
     now = stepper.begin(_start_on(mesh, begun, other.changed), velocity)
     found[0] = worst = _apart(now.positions[other.there], made.positions[0][other.here])
     at, known = 0, 1  # time in units; instants that are known
-    energy = _EnergyBudget(now, plan)
+    energy = _EnergyBudget(now, plan, other.gain)
     for size, steps in groupby(other.sizes.tolist()):
         left, scheme = len(list(steps)), Scheme(plan.integrator, stepper.dt * size / _UNITS)
         if at:
@@ -542,14 +545,15 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
 class _EnergyBudget:
     """What a motion may gain of energy by rounding and errors, as long as its steps are good."""
 
-    def __init__(self, first: TimePoint, plan: IntegrationOptions) -> None:
+    def __init__(self, first: TimePoint, plan: IntegrationOptions, times: float = 1.0) -> None:
         mesh, self._stepper = first.stepper.discretization, first.stepper
         self.budget = np.array([first.balance, *first.row.energies[[STATIC, STATIC, KINETIC]],
                                 first.balance])
         self.began = first.balance
         # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
-        self.noise = KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
-                             + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
+        self.part = times * _GAIN
+        self.noise = times * KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
+                                     + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
         self.limit = np.inf if plan.integrator == 'paper' else self.noise
 
     def copy(self) -> _EnergyBudget:
@@ -567,7 +571,7 @@ class _EnergyBudget:
         """Return the StepBatch of steps of a Scheme that end at `places` (n,), of any error."""
         damps = scheme.dt < 1.5 * self._stepper.dt / (1 << _DAMPING)
         batch = self._stepper.steps(now, (), places, scheme, Acceptance(
-            part=_GAIN, noise=self.limit, budget=self.budget, began=self.began, damps=damps))
+            part=self.part, noise=self.limit, budget=self.budget, began=self.began, damps=damps))
         self.budget = batch.budget
         return batch
 
@@ -664,7 +668,7 @@ class _StepControl:
             reach = (np.inf if level >= _DAMPING and (most == 1 or level >= self._short)
                      else plan.tolerance)
         limits = Acceptance(
-            MAX_ITERATIONS if patient else _PATIENCE, error, _BEARING * error, reach, _GAIN,
+            MAX_ITERATIONS if patient else _PATIENCE, error, _BEARING * error, reach, energy.part,
             energy.limit, energy.budget, energy.began, damps)
         size = 1 << (HALVINGS - level)
         count = min(most, self._length(size))
