@@ -343,7 +343,9 @@ class Stepper:
     def begin(self, shape: Shape, velocity: Floats | None = None) -> TimePoint:
         """Return the TimePoint at time 0 of a DLO that is free to move from now on.
 
-        Its acceleration is what a very short first step, of constant acceleration, finds.
+        Its acceleration is what a very short first step, of constant acceleration, finds. What
+        rests on an obstacle has none: there a column that is pressed along itself would buckle in
+        that step, under a force that is the larger the shorter it is, and none at time 0.
         """
         mesh, strains = self.discretization, np.array(shape.element_strains)
         here = configuration_at(mesh.system(shape.gripper.rotation), strains)
@@ -366,6 +368,9 @@ class Stepper:
         shape = replace(shape, state=replace(shape.state, estimate=_NOT_ESTIMATED))
         now = TimePoint(0.0, row, self, not count and left.idle,
                         self.coefficients(Scheme('paper', 1.0)), left, shape)
+        if count and velocity is None and shape.residual < _ROUGHEST:
+            means = np.concatenate([[row.wrenches], row.hold_wrenches])
+            return replace(now, row=row._replace(impulsive=AFTER, mean_wrenches=means))
         return self._with_rates(now, _AT_FIRST * self.dt, velocity is not None)
 
     def renewed(self, now: TimePoint, dt: float) -> TimePoint:

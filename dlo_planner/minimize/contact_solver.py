@@ -381,9 +381,11 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
                 stability, mode = _judged(firm, state, tolerance, exact)
                 stands = stability > -HELD_NEUTRAL
         if stands:
-            if not rests or (_bears_inside(firm.effects.contact.contacts)
-                             and _bearing(firm.effects.contact.contacts) < _ROLLING):
-                # points that bear inside elements are where they are nearest, exactly
+            # points that bear inside elements are where they are nearest, exactly; and what moves
+            # is not pressed in, as the next step would push it out, with that energy
+            exactly = _bears_inside(firm.effects.contact.contacts) or (
+                violation > exact and has_inertia(system.effects.anchor))
+            if not rests or exactly and _bearing(firm.effects.contact.contacts) < _ROLLING:
                 near = firm if rests else with_bearing(there, q, given, rests)
                 borne = reaction_of(hold, row_count(system.needs.border))
                 rolls, its, its_residual, its_stability, moves, loaded, inside = _at_once(
@@ -633,12 +635,20 @@ def _buckles(system, q, tolerance, exact, beside):
     put_forces(weak, table, 0.0 * normal, 0.0 * shear)
     if not kkt_residual(weak, q)[1] < tolerance:  # forces move it
         return False, system
-    put_forces(weak, table, normal, shear)
-    stability, mode = _lowest(weak, state, tolerance, exact)
+    # multiples of the forces under which it stands, and does not: those that it is pressed in with
+    # are of springs, and of any size where it neither yields nor buckles
+    least, most, stability, mode = 0.0, 1.0, 0.0, q
+    for _ in range(_BISECTIONS):
+        put_forces(weak, table, most * normal, most * shear)
+        stability, mode = _lowest(weak, state, tolerance, exact)
+        if stability <= -HELD_NEUTRAL:
+            break
+        least, most = most, 2.0 * most
     if not stability <= -HELD_NEUTRAL:
         return False, system
-    least, most = 0.0, 1.0  # parts of the forces under which it stands, and does not
     for _ in range(_BISECTIONS):
+        if most - least < _ABOUT * most:
+            break
         part = 0.5 * (least + most)
         put_forces(weak, table, part * normal, part * shear)
         stability, its = _lowest(weak, state, tolerance, exact)
@@ -646,8 +656,6 @@ def _buckles(system, q, tolerance, exact, beside):
             most, mode = part, its
         else:
             least = part
-        if most - least < _ABOUT * most:
-            break
     hessian, trial = new_hessian(system), new_configuration(system)
     assemble(system, state, hessian)
     reach = KICK_TURN / max(largest_turn(system, hessian, mode), 1e-12)
