@@ -50,13 +50,11 @@ from dlo_planner.direct.shape import Shape, State, self_contacts_of
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
 from dlo_planner.energy.problem import Problem
-from dlo_planner.energy.scene import build_scene
 from dlo_planner.geometry.self_passage import first_passage
 from dlo_planner.minimize.convergence import accept_by_decrement
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.holds import spans_along
-from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import Constant, freeze
 from dlo_planner.progress import uninterrupted
 
@@ -69,6 +67,7 @@ _FOLLOWED = 0.2      # of the DLO's own time: shorter steps follow vibrations
 _AT_FIRST = 0.1      # of a step: it may be halved yet
 _BRIEF = 1e-1, 1e-3  # of a step, of the DLO's own time: how long it is watched
 _BRIEFEST = 3e-5     # of that time: of what is watched for less rounding errors would count
+_STRIKES = 10.0      # times all forces that are known: one that is larger is that of an impact
 _AT_ONCE = 1e-13     # of the length: how exactly grips are kept in so short a time
 _WRENCHES = 'wrenches', 'hold_wrenches', 'mean_wrenches'
 NO_GUESS = np.zeros((0, 3))  # read-only arrays are another type for kernels
@@ -343,9 +342,9 @@ class Stepper:
     def begin(self, shape: Shape, velocity: Floats | None = None) -> TimePoint:
         """Return the TimePoint at time 0 of a DLO that is free to move from now on.
 
-        Its acceleration is what a very short first step, of constant acceleration, finds. What
-        rests on an obstacle has none: there a column that is pressed along itself would buckle in
-        that step, under a force that is the larger the shorter it is, and none at time 0.
+        Its acceleration is what a very short first step, of constant acceleration, finds. Where
+        that strikes an obstacle there is none: a column that is pressed along itself buckles in the
+        step, under a force that is the larger the shorter it is, and none at time 0.
         """
         mesh, strains = self.discretization, np.array(shape.element_strains)
         here = configuration_at(mesh.system(shape.gripper.rotation), strains)
@@ -368,10 +367,18 @@ class Stepper:
         shape = replace(shape, state=replace(shape.state, estimate=_NOT_ESTIMATED))
         now = TimePoint(0.0, row, self, not count and left.idle,
                         self.coefficients(Scheme('paper', 1.0)), left, shape)
-        if count and velocity is None and shape.residual < _ROUGHEST:
+        begun = self._with_rates(now, _AT_FIRST * self.dt, velocity is not None)
+        if count and velocity is None and self._strikes(begun, row):
             means = np.concatenate([[row.wrenches], row.hold_wrenches])
             return replace(now, row=row._replace(impulsive=AFTER, mean_wrenches=means))
-        return self._with_rates(now, _AT_FIRST * self.dt, velocity is not None)
+        return begun
+
+    def _strikes(self, begun: TimePoint, rest: Row) -> bool:
+        """Return whether the gripper's force at a beginning is no force of weight and inertia."""
+        change = np.abs(begun.row.wrenches[:3] - rest.wrenches[:3]).max()
+        weight = np.abs(self.discretization.load).sum() * self.discretization.rod.length
+        inertia = self.masses.sum() * np.abs(begun.row.nodes[2]).max()
+        return bool(change > _STRIKES * (weight + inertia + np.abs(rest.wrenches[:3]).max()))
 
     def renewed(self, now: TimePoint, dt: float) -> TimePoint:
         """Return a TimePoint with the velocities and accelerations that its grips and forces allow.
@@ -397,13 +404,9 @@ class Stepper:
         brief = Scheme('paper', min(short, _BRIEF[1] * self.own_time))
         ahead = brief.dt / self.dt
         buffer = self._buffer(now.place + ahead * np.array([0.0, 1.0, 2.0, 0.0, -1.0]), now.row)
-        hangs = self.hangs_from(now)
-        problem = self._problem(hangs)
-        if self.discretization.obstructed and not hangs and not len(now.row.contacts):
-            problem = self._untouched  # what may be met in that time does not act yet
         uninterrupted(consistent_rates(
-            problem, self.coefficients(brief, (0.0, 0.0)), self.coefficients(brief), buffer, going,
-            self._options(brief, Acceptance(), _AT_ONCE)))
+            self._problem(self.hangs_from(now)), self.coefficients(brief, (0.0, 0.0)),
+            self.coefficients(brief), buffer, going, self._options(brief, Acceptance(), _AT_ONCE)))
         energies = now.row.energies.copy()
         energies[[KINETIC, WORK]] = buffer.energies[PAST, [KINETIC, WORK]]
         if now.place == 0.0:  # no work is done yet
@@ -411,6 +414,9 @@ class Stepper:
         row = now.row._replace(nodes=buffer.nodes[:, PAST].copy(), energies=energies,
                                bends=buffer.bends[:, PAST].copy(), impulsive=0,
                                **{name: getattr(buffer, name)[PAST].copy() for name in _WRENCHES})
+        if now.place > 0.0 and not len(now.row.contacts) and buffer.starts[1].any():
+            # it lands in that time: what stops it is no force that grips exert all along a step
+            row = row._replace(**{name: getattr(now.row, name) for name in _WRENCHES})
         freeze(row)
         return replace(now, row=row, given=now.shape)
 
@@ -434,13 +440,6 @@ class Stepper:
         if not (mesh.touches_itself and ends):
             return mesh.full
         return mesh.full._replace(rays=np.ones((2, 3)))
-
-    @cached_property
-    def _untouched(self) -> Problem:
-        """The Problem with all that may act but obstacles; of the same type."""
-        mesh, full = self.discretization, self._full
-        none = build_scene((), Surface.of(mesh.rod), mesh.s)
-        return full._replace(contact=full.contact._replace(scene=none))
 
     def problem(self, now: TimePoint, place: float, scheme: Scheme) -> Problem:
         """Return the Problem of one step of a Scheme to a place."""

@@ -132,9 +132,10 @@ def contact_forces(law, iterations):
     """
     size, count = law.free.size, law.friction.size
     rubs, change, bears = size > count, np.zeros(size), law.bears.copy()
-    proximal = np.empty(size)
-    for i in range(size):  # (a DLO that is pressed along itself may yield by far less than springs)
-        proximal[i] = _SOFT * max(law.compliance[i, i], _HARDEST / law.stiffness)
+    proximal = np.full(size, _SOFT / law.stiffness)
+    for i in range(size):  # (a DLO that is pressed along itself yields by far less than springs)
+        if law.compliance[i, i] < proximal[i]:
+            proximal[i] = _SOFT * max(law.compliance[i, i], _HARDEST / law.stiffness)
     known, taken = _semismooth(law, proximal, _forces(law, change),
                                _augmentation(law, rubs), iterations, _REFINED, change, bears)
     if not rubs or known and taken > 0:
