@@ -225,7 +225,8 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
         _solve_step(system, scheme, buffer, row, options, guess)
         account(system, scheme, how, buffer, row, options)
         stirred = _bears(buffer, row) or buffer.after_impact[row - 1]
-        if how.gamma == 1.0 or not (stirred or buffer.held.shape[1]):
+        held = buffer.held.shape[1] > 0 and not _may_touch_itself(system.effects.strands)
+        if how.gamma == 1.0 or not (stirred or held):
             return
         if not stirred or options.follows and not _lands(system, how, buffer, row):
             if left > 0:
@@ -940,9 +941,18 @@ def consistent_rates(system: Problem, calm: SchemeCoefficients, how: SchemeCoeff
         for i in range(6):
             wrench = buffer.hold_wrenches[last, a, i]
             buffer.hold_wrenches[now, a, i] = buffer.mean_wrenches[now, 1 + a, i] = wrench
-    if going:
+    # (springs of strands are quicker than that time: what they do in it is no work of grips)
+    if going and not (buffer.held.shape[1] and _may_touch_itself(system.effects.strands)):
         buffer.energies[now, WORK] += _work_of_impulse(how, buffer, now, ahead, back, before)
     buffer.energies[now, KINETIC] = _kinetic(how, buffer.nodes, now)
+
+
+@kernel
+def _may_touch_itself(strands):
+    """Whether strands of the DLO keep each other off."""
+    if strands is None:
+        return False
+    return strands.strand_radius.size > 0
 
 
 @kernel

@@ -403,7 +403,7 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
                     if rolls:
                         return (True, its, its_residual, its_stability, steps, kicks + 1, loaded,
                                 inside)
-                    set_reaction(hold, borne)
+                    set_reaction(system.effects.hold, borne)
             if rests:
                 return (True, state, residual, stability if check else np.inf, steps, kicks, firm,
                         violation)
