@@ -244,11 +244,19 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     obstructed, farthest = bool(coarse.surroundings.obstacles), 2.0 * float(coarse.s[-1])
     most /= _DEAR if obstructed else 1.0
     found = np.full(len(ends), np.inf)
-    parted = _compare(_finer(stepper, made.sizes), begun, plan, made, found, most)
+    parted = _compare(_finer(stepper, made.sizes)._replace(
+        gain=_UNGUARDED if obstructed else 1.0), begun, plan, made, found, most)
     found *= _LANDING if obstructed else 2.0 if plan.integrator == 'paper' else 4 / 3
     if np.isinf(found).any() and not parted:
         rough = np.full(len(ends), np.inf)
-        _compare(_coarser(stepper, made.sizes), begun, plan, made, rough, _ROUGHLY * most)
+        other = _coarser(stepper, made.sizes)
+        # (contacts on other elements err by more than energy tells; where it is lost, it may tell)
+        for gain in (_UNGUARDED, _ROUGH_GAIN) if obstructed else (_ROUGH_GAIN,):
+            told = np.full(len(ends), np.inf)
+            if not _compare(other._replace(gain=gain), begun, plan, made, told, _ROUGHLY * most):
+                rough = np.where(np.isinf(rough), told, rough)
+            if not np.isinf(rough).any():
+                break
         found = np.where(np.isinf(found), 2.0 * rough if obstructed else rough, found)
     errors: Floats = np.maximum.accumulate(np.minimum(found, farthest))
     errors += 1e-15 * coarse.s.size * coarse.s[-1]
@@ -326,6 +334,7 @@ _LANDING = 3.0
 _ROUGHLY = 32.0
 # times what the motion may gain of energy: the errors of steps twice as long, of second order
 _ROUGH_GAIN = 4.0
+_UNGUARDED = 1e12  # the same, where that tells nothing
 # of the length: motions that are so far apart tell nothing of each other any more
 _PARTED = 0.25
 
@@ -569,7 +578,8 @@ class _EnergyBudget:
 
     def steps(self, now: TimePoint, places: Floats, scheme: Scheme) -> StepBatch:
         """Return the StepBatch of steps of a Scheme that end at `places` (n,), of any error."""
-        damps = scheme.dt < 1.5 * self._stepper.dt / (1 << _DAMPING)
+        damps = (self.part < _UNGUARDED * _GAIN
+                 and scheme.dt < 1.5 * self._stepper.dt / (1 << _DAMPING))
         batch = self._stepper.steps(now, (), places, scheme, Acceptance(
             part=self.part, noise=self.limit, budget=self.budget, began=self.began, damps=damps))
         self.budget = batch.budget
