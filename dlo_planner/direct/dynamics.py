@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import groupby
@@ -39,7 +40,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import array, number, returned, vector
-from dlo_planner.model.holds import FarEnd, Hold, Holds, named, place_of, unreached
+from dlo_planner.model.holds import FarEnd, Hold, Holds, named, place_of, spans_of, unreached
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import Surroundings
 from dlo_planner.progress import Progress, interrupted_by
@@ -124,6 +125,23 @@ def first_shape(discretization: Discretization, gripper: Pose, holds: Holds,
         raise InvalidTask(f'initial: expected a Shape outside of all obstacles, it is '
                           f'{first.violation:.3g} m inside one')
     return first
+
+
+def at_full_length(found: Shape, holds: Holds, memory: Memory | None) -> Shape:
+    """Return the Shape at time 0 between grips as far apart as the DLO is long, else `found`.
+
+    There it is the only one, and what the DLO has without loads: at rest it would be pulled without
+    end, in motion for the time alone until they come nearer.
+    """
+    mesh, gripper = found.state.mesh, found.gripper
+    if found.converged or mesh is None or not mesh.loaded:
+        return found
+    spans = spans_of(holds, gripper, mesh.s.item(-1))
+    if all(span.reaches(True) for span in spans) or not all(span.reaches(False) for span in spans):
+        return found
+    bare = mesh.within(replace(mesh.surroundings, gravity=np.zeros(3), load=None, point_loads=()))
+    there = equilibrium(bare, gripper, np.array(bare.free.natural), bare.start, holds)
+    return first_shape(mesh, gripper, holds, there, memory) if there.converged else found
 
 
 def _check_held(what: str, where: str, grip: Hold, pose: Pose, length: float) -> None:
@@ -226,11 +244,19 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     obstructed, farthest = bool(coarse.surroundings.obstacles), 2.0 * float(coarse.s[-1])
     most /= _DEAR if obstructed else 1.0
     found = np.full(len(ends), np.inf)
-    parted = _compare(_finer(stepper, made.sizes), begun, plan, made, found, most)
+    parted = _compare(_finer(stepper, made.sizes)._replace(
+        gain=_UNGUARDED if obstructed else 1.0), begun, plan, made, found, most)
     found *= _LANDING if obstructed else 2.0 if plan.integrator == 'paper' else 4 / 3
     if np.isinf(found).any() and not parted:
         rough = np.full(len(ends), np.inf)
-        _compare(_coarser(stepper, made.sizes), begun, plan, made, rough, _ROUGHLY * most)
+        other = _coarser(stepper, made.sizes)
+        # (contacts on other elements err by more than energy tells; where it is lost, it may tell)
+        for gain in (_UNGUARDED, _ROUGH_GAIN) if obstructed else (_ROUGH_GAIN,):
+            told = np.full(len(ends), np.inf)
+            if not _compare(other._replace(gain=gain), begun, plan, made, told, _ROUGHLY * most):
+                rough = np.where(np.isinf(rough), told, rough)
+            if not np.isinf(rough).any():
+                break
         found = np.where(np.isinf(found), 2.0 * rough if obstructed else rough, found)
     errors: Floats = np.maximum.accumulate(np.minimum(found, farthest))
     errors += 1e-15 * coarse.s.size * coarse.s[-1]
@@ -257,6 +283,7 @@ class _Other(NamedTuple):
     here: Ints   # nodes that both have, of the motion whose error is sought,
     there: Ints  # and of this one
     sizes: Ints  # (k,) how long its steps are, in units
+    gain: float  # times what the motion may gain of energy, it may
 
 
 def _sizes(steps: Sequence[int]) -> Ints:
@@ -268,7 +295,7 @@ def _finer(stepper: Stepper, sizes: Ints) -> _Other:
     """Return the motion in which all elements and steps are halves."""
     mesh, here = stepper.discretization.finer, np.arange(stepper.discretization.s.size)
     return _Other(Stepper(mesh, stepper.grips, stepper.dt, watched=2 * stepper.watched),
-                  lambda known, holds: known.finer, here, 2 * here, np.repeat(sizes // 2, 2))
+                  lambda known, holds: known.finer, here, 2 * here, np.repeat(sizes // 2, 2), 1.0)
 
 
 def _coarser(stepper: Stepper, sizes: Ints) -> _Other:
@@ -288,7 +315,7 @@ def _coarser(stepper: Stepper, sizes: Ints) -> _Other:
         Stepper(mesh, stepper.grips, stepper.dt, watched=np.searchsorted(kept, stepper.watched)),
         lambda mesh, holds: Discretization(
             mesh.surroundings, mesh.s[_every_other(mesh, holds)], 'local', 0),
-        kept, np.arange(kept.size), np.array(pairs, dtype=np.int64))
+        kept, np.arange(kept.size), np.array(pairs, dtype=np.int64), _ROUGH_GAIN)
 
 
 def _every_other(mesh: Discretization, holds: Holds, more: ArrayLike = ()) -> Ints:
@@ -304,7 +331,10 @@ _DEAR = 4.0
 # times what halving everything changes, among obstacles: the error, of an order below one
 _LANDING = 3.0
 # times as much work as the finer motion may take the coarser one, which has to come to the end
-_ROUGHLY = 8.0
+_ROUGHLY = 32.0
+# times what the motion may gain of energy: the errors of steps twice as long, of second order
+_ROUGH_GAIN = 4.0
+_UNGUARDED = 1e12  # the same, where that tells nothing
 # of the length: motions that are so far apart tell nothing of each other any more
 _PARTED = 0.25
 
@@ -349,16 +379,17 @@ def _followed(other: _Other, begun: InitialConditions, plan: IntegrationOptions,
     now = stepper.begin(_start_on(mesh, begun, other.changed), velocity)
     found[0] = worst = _apart(now.positions[other.there], made.positions[0][other.here])
     at, known = 0, 1  # time in units; instants that are known
+    energy = _EnergyBudget(now, plan, other.gain)
     for size, steps in groupby(other.sizes.tolist()):
         left, scheme = len(list(steps)), Scheme(plan.integrator, stepper.dt * size / _UNITS)
         if at:
-            now = stepper.resized(now, scheme.dt)
+            now = energy.resized(now, scheme.dt)
         while left:
             reached = at + size * np.arange(1, min(left, MOST) + 1)
-            batch = stepper.steps(now, (), reached / _UNITS, scheme, Acceptance())
+            batch = energy.steps(now, reached / _UNITS, scheme)
             count = made_here = len(batch.errors)
             if not made_here:
-                batch, count = _otherwise(stepper, now, size, left, scheme)
+                batch, count = _otherwise(energy, now, size, left, scheme)
             if not count:
                 return False
             reached = reached[:count] if made_here else reached[count - 1:count]
@@ -380,7 +411,7 @@ def _followed(other: _Other, begun: InitialConditions, plan: IntegrationOptions,
     return False
 
 
-def _otherwise(stepper: Stepper, now: TimePoint, size: int, left: int,
+def _otherwise(energy: _EnergyBudget, now: TimePoint, size: int, left: int,
                scheme: Scheme) -> tuple[StepBatch, int]:
     """Return the StepBatch of a step that is not solved at once, and of how many steps it is.
 
@@ -393,15 +424,17 @@ def _otherwise(stepper: Stepper, now: TimePoint, size: int, left: int,
         if count > left:
             break
         place, brief = (at + count * size) / _UNITS, scheme.dt * count / parts
-        last = stepper.resized(now, brief)
+        trial = energy.copy()
+        last = trial.resized(now, brief)
         for k in range(1, parts + 1):
-            batch = stepper.steps(last, (), np.array([now.place + (place - now.place) * k / parts]),
-                                  scheme._replace(dt=brief), Acceptance())
+            batch = trial.steps(last, np.array([now.place + (place - now.place) * k / parts]),
+                                scheme._replace(dt=brief))
             if batch.refused is not None:
                 break
             last = batch.last
         if batch.refused is None:
-            last = stepper.resized(last, scheme.dt)
+            last = trial.resized(last, scheme.dt)
+            energy.budget = trial.budget
             return batch._replace(kept=[last] if place == round(place) else [], last=last), count
     return batch, 0
 
@@ -518,6 +551,41 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
     return control.run(reached)
 
 
+class _EnergyBudget:
+    """What a motion may gain of energy by rounding and errors, as long as its steps are good."""
+
+    def __init__(self, first: TimePoint, plan: IntegrationOptions, times: float = 1.0) -> None:
+        mesh, self._stepper = first.stepper.discretization, first.stepper
+        self.budget = np.array([first.balance, *first.row.energies[[STATIC, STATIC, KINETIC]],
+                                first.balance])
+        self.began = first.balance
+        # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
+        self.part = times * _GAIN
+        self.noise = times * KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
+                                     + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
+        self.limit = np.inf if plan.integrator == 'paper' else self.noise
+
+    def copy(self) -> _EnergyBudget:
+        """Return another one with as much left."""
+        other = copy(self)
+        other.budget = self.budget.copy()
+        return other
+
+    def resized(self, now: TimePoint, dt: float) -> TimePoint:
+        """Return the TimePoint from which steps of dt (s) go on, if that makes no energy up."""
+        fresh = self._stepper.resized(now, dt)
+        return fresh if credit_renewal(self.budget, fresh.balance, self.began, self.noise) else now
+
+    def steps(self, now: TimePoint, places: Floats, scheme: Scheme) -> StepBatch:
+        """Return the StepBatch of steps of a Scheme that end at `places` (n,), of any error."""
+        damps = (self.part < _UNGUARDED * _GAIN
+                 and scheme.dt < 1.5 * self._stepper.dt / (1 << _DAMPING))
+        batch = self._stepper.steps(now, (), places, scheme, Acceptance(
+            part=self.part, noise=self.limit, budget=self.budget, began=self.began, damps=damps))
+        self.budget = batch.budget
+        return batch
+
+
 class _StepControl:
     """Makes the steps of a motion, as long as they may be.
 
@@ -538,13 +606,7 @@ class _StepControl:
         self._steps: list[int] = []
         self._errors: list[float] = []
         self._samples: list[Floats] = []
-        self._budget = np.array([first.balance, *first.row.energies[[STATIC, STATIC, KINETIC]],
-                                first.balance])
-        self._began = first.balance
-        mesh = stepper.discretization
-        # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
-        self._noise = KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
-                              + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
+        self._energy = _EnergyBudget(first, plan)
 
     @property
     def level(self) -> int:
@@ -607,26 +669,25 @@ class _StepControl:
         """Return a StepBatch of the next steps, `most` of them at most, which are entered here."""
         plan, stepper = self._plan, self._stepper
         scheme = plan.scheme(stepper.dt, level)
-        now, budget = self.now, self._budget.copy()
+        now, energy = self.now, self._energy.copy()
         if self._steps and self._steps[-1] != level:
-            fresh = stepper.resized(now, scheme.dt)
-            if credit_renewal(budget, fresh.balance, self._began, self._noise):
-                now = fresh
+            now = energy.resized(now, scheme.dt)
         error = np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance
         damps, reach = level >= _DAMPING or most == 1, 0.0  # (one is made where shorter ones fail)
         if damps:
             reach = (np.inf if level >= _DAMPING and (most == 1 or level >= self._short)
                      else plan.tolerance)
         limits = Acceptance(
-            MAX_ITERATIONS if patient else _PATIENCE, error, _BEARING * error, reach, _GAIN,
-            np.inf if self._fixed else self._noise, budget, self._began, damps)
+            MAX_ITERATIONS if patient else _PATIENCE, error, _BEARING * error, reach, energy.part,
+            energy.limit, energy.budget, energy.began, damps)
         size = 1 << (HALVINGS - level)
         count = min(most, self._length(size))
         places = (self._at + size * np.arange(1, count + 1)) / (1 << HALVINGS)
         batch = stepper.steps(now, self._past, places, scheme, limits)
         made = len(batch.errors)
         if made:
-            self.now, self._past, self._budget = batch.last, batch.past, batch.budget
+            self.now, self._past, energy.budget = batch.last, batch.past, batch.budget
+            self._energy = energy
             self._at += made * size
             self._steps += [level] * made
             self._errors += batch.errors.tolist()
@@ -687,10 +748,12 @@ def _blocked(stepper: Stepper, instants: int) -> tuple[float, str]:
 
 def _out_of_reach(stepper: Stepper, instants: int) -> tuple[float, str]:
     """Return where grips are first out of reach of each other, infinity if never; and in words."""
-    mesh, kinds = stepper.discretization, stepper.grips.kinds
+    mesh, kinds, begins = stepper.discretization, stepper.grips.kinds, True
     for place in np.arange((instants - 1) * _LOOKS + 1) / _LOOKS if kinds else ():
         gripper, holds = stepper.grips.at(float(place))
-        too_far = unreached(holds, gripper, float(mesh.s[-1]), mesh.loaded)
+        # (a motion may begin at the full length)
+        too_far = unreached(holds, gripper, float(mesh.s[-1]), mesh.loaded and not begins)
+        begins = begins and bool(unreached(holds, gripper, float(mesh.s[-1]), mesh.loaded))
         if too_far:
             return float(place), (f'out of reach: at {place * stepper.dt:.6g} s {too_far}: no '
                                   'shape of the DLO can follow')

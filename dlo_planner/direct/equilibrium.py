@@ -219,14 +219,17 @@ def search_of(mesh: Discretization, gripper: Pose, holds: Holds) -> Search:
     return Search(steps, exact=exact)
 
 
-def reach_of(mesh: Discretization, tautest: Iterable[Span]) -> float:
-    """Return by how much grips may be missed that have these Spans, m; -1: one is out of reach."""
-    reach = _GRIP_KEPT * mesh.s.item(-1)
+def reach_of(mesh: Discretization, tautest: Iterable[Span], moves: bool = False) -> float:
+    """Return by how much grips may be missed that have these Spans, m; -1: one is out of reach.
+
+    What `moves` bears its loads by inertia for a while, so it may be as long as a span is.
+    """
+    reach, least = _GRIP_KEPT * mesh.s.item(-1), EXACT * mesh.s.item(-1) if moves else 0.0
     for span in tautest:
-        if not span.reaches(mesh.loaded):
+        if not span.reaches(mesh.loaded and not moves):
             return -1.0
         if mesh.loaded:
-            reach = min(reach, _SLACK * (span.length - span.distance))
+            reach = min(reach, max(_SLACK * (span.length - span.distance), least))
     return reach
 
 

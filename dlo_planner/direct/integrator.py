@@ -215,8 +215,8 @@ def _bears(buffer, row):
 def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
     """Fill a row: by `impact` where something lands, by `after` in a few steps after that.
 
-    Also by `impact` where contacts have stirred up what is too quick for the step, and `how` would
-    make energy of it or cannot be solved.
+    Also by `impact` where contacts have stirred up what is too quick for the step, or several grips
+    have as they buckle the DLO, and `how` would make energy of it or cannot be solved.
     """
     left, trial = buffer.impulsive[row - 1], budget.copy()
     if how.gamma == 1.0 or left <= AFTER:
@@ -224,13 +224,16 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
         scheme = after if left > 1 else how
         _solve_step(system, scheme, buffer, row, options, guess)
         account(system, scheme, how, buffer, row, options)
-        if how.gamma == 1.0 or not (_bears(buffer, row) or buffer.after_impact[row - 1]):
+        stirred = _bears(buffer, row) or buffer.after_impact[row - 1]
+        held = buffer.held.shape[1] > 0 and not _may_touch_itself(system.effects.strands)
+        if how.gamma == 1.0 or not (stirred or held):
             return
-        if options.follows and not _lands(system, how, buffer, row):
+        if not stirred or options.follows and not _lands(system, how, buffer, row):
             if left > 0:
                 credit_renewal(trial, _balance(buffer.energies[row]), options.began, options.noise)
             good = buffer.converged[row] and is_good(buffer, row, trial, options)
-            if good or not options.damps:  # a shorter step may be good
+            # a shorter step may be good, between grips alone however short this one is
+            if good or not options.damps or not stirred and options.reach < np.inf:
                 budget[:] = trial if good else budget
                 return
     buffer.impulsive[row] = 1
@@ -938,23 +941,39 @@ def consistent_rates(system: Problem, calm: SchemeCoefficients, how: SchemeCoeff
         for i in range(6):
             wrench = buffer.hold_wrenches[last, a, i]
             buffer.hold_wrenches[now, a, i] = buffer.mean_wrenches[now, 1 + a, i] = wrench
-    if going and not buffer.held.shape[1]:  # of several grips none's own impulse is known
+    # (springs of strands are quicker than that time: what they do in it is no work of grips)
+    if going and not (buffer.held.shape[1] and _may_touch_itself(system.effects.strands)):
         buffer.energies[now, WORK] += _work_of_impulse(how, buffer, now, ahead, back, before)
     buffer.energies[now, KINETIC] = _kinetic(how, buffer.nodes, now)
 
 
 @kernel
+def _may_touch_itself(strands):
+    """Whether strands of the DLO keep each other off."""
+    if strands is None:
+        return False
+    return strands.strand_radius.size > 0
+
+
+@kernel
 def _work_of_impulse(how, buffer, now, ahead, back, before):
-    """Return the work of the gripper that changes velocities from `before` (N + 1, 3), J."""
+    """Return the work of the grips that changes velocities from `before` (N + 1, 3), J.
+
+    A gripper alone moves the DLO as a whole. Between several grips none's own impulse is known, but
+    the work of all: what the impulse of all nodes does along their new velocities. It is no less
+    than what the kinetic energy grows by.
+    """
     turn, work = rotation_vector(times_transposed(matrix(buffer.bases[ahead]),
                                                   matrix(buffer.bases[back]))), 0.0
-    places, speeds = buffer.nodes[0, now], buffer.nodes[1, now]
+    places, speeds, alone = buffer.nodes[0, now], buffer.nodes[1, now], buffer.held.shape[1] == 0
     for k in range(how.masses.size):
         for i in range(3):
             j, m = (i + 1) % 3, (i + 2) % 3
-            way = 0.5 * (speeds[0, i] + before[0, i]) + (
-                turn[j] * (places[k, m] - places[0, m]) - turn[m] * (places[k, j] - places[0, j])
-            ) / (2 * how.dt)
+            way = speeds[k, i]  # forces that keep the length do no work along it
+            if alone:
+                way = 0.5 * (speeds[0, i] + before[0, i]) + (
+                    turn[j] * (places[k, m] - places[0, m])
+                    - turn[m] * (places[k, j] - places[0, j])) / (2 * how.dt)
             work += how.masses[k] * (speeds[k, i] - before[k, i]) * way
     return work
 

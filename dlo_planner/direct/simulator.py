@@ -26,6 +26,7 @@ from dlo_planner.direct.dynamics import (
     InitialConditions,
     IntegrationOptions,
     Velocity,
+    at_full_length,
     colliding_mesh,
     fastest_of,
     first_shape,
@@ -581,9 +582,9 @@ class DirectSimulator(Value):
                 mesh = colliding_mesh(mesh)
         if initial is not None:
             return first_shape(mesh, gripper, holds, initial, self._history), mesh
-        if self.accuracy is None:
-            return self._equilibrium(gripper, None, holds), mesh
-        return step(mesh, gripper, known, StepInputs(self._history, holds, self.method)), mesh
+        start = (self._equilibrium(gripper, None, holds) if self.accuracy is None
+                 else step(mesh, gripper, known, StepInputs(self._history, holds, self.method)))
+        return at_full_length(start, holds, self._history), mesh
 
 
 def made_by(simulator: DirectSimulator, shape: Shape) -> bool:

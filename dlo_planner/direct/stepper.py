@@ -67,6 +67,7 @@ _FOLLOWED = 0.2      # of the DLO's own time: shorter steps follow vibrations
 _AT_FIRST = 0.1      # of a step: it may be halved yet
 _BRIEF = 1e-1, 1e-3  # of a step, of the DLO's own time: how long it is watched
 _BRIEFEST = 3e-5     # of that time: of what is watched for less rounding errors would count
+_STRIKES = 10.0      # times all forces that are known: one that is larger is that of an impact
 _AT_ONCE = 1e-13     # of the length: how exactly grips are kept in so short a time
 _WRENCHES = 'wrenches', 'hold_wrenches', 'mean_wrenches'
 NO_GUESS = np.zeros((0, 3))  # read-only arrays are another type for kernels
@@ -341,7 +342,9 @@ class Stepper:
     def begin(self, shape: Shape, velocity: Floats | None = None) -> TimePoint:
         """Return the TimePoint at time 0 of a DLO that is free to move from now on.
 
-        Its acceleration is what a very short first step, of constant acceleration, finds.
+        Its acceleration is what a very short first step, of constant acceleration, finds. Where
+        that strikes an obstacle there is none: a column that is pressed along itself buckles in the
+        step, under a force that is the larger the shorter it is, and none at time 0.
         """
         mesh, strains = self.discretization, np.array(shape.element_strains)
         here = configuration_at(mesh.system(shape.gripper.rotation), strains)
@@ -364,7 +367,18 @@ class Stepper:
         shape = replace(shape, state=replace(shape.state, estimate=_NOT_ESTIMATED))
         now = TimePoint(0.0, row, self, not count and left.idle,
                         self.coefficients(Scheme('paper', 1.0)), left, shape)
-        return self._with_rates(now, _AT_FIRST * self.dt, velocity is not None)
+        begun = self._with_rates(now, _AT_FIRST * self.dt, velocity is not None)
+        if count and velocity is None and self._strikes(begun, row):
+            means = np.concatenate([[row.wrenches], row.hold_wrenches])
+            return replace(now, row=row._replace(impulsive=AFTER, mean_wrenches=means))
+        return begun
+
+    def _strikes(self, begun: TimePoint, rest: Row) -> bool:
+        """Return whether the gripper's force at a beginning is no force of weight and inertia."""
+        change = np.abs(begun.row.wrenches[:3] - rest.wrenches[:3]).max()
+        weight = np.abs(self.discretization.load).sum() * self.discretization.rod.length
+        inertia = self.masses.sum() * np.abs(begun.row.nodes[2]).max()
+        return bool(change > _STRIKES * (weight + inertia + np.abs(rest.wrenches[:3]).max()))
 
     def renewed(self, now: TimePoint, dt: float) -> TimePoint:
         """Return a TimePoint with the velocities and accelerations that its grips and forces allow.
@@ -522,7 +536,7 @@ class Stepper:
         axes, targets = (np.stack(arrays, axis=1) for arrays in zip(*ways, strict=True))
         spans = spans_along(kinds, origins, targets, axes, mesh.s.item(-1))
         return (targets, axes, mesh.grip_rows(kinds, axes),
-                np.array([reach_of(mesh, there) for there in spans]))
+                np.array([reach_of(mesh, there, True) for there in spans]))
 
 
 def _extrapolated(course: Floats, dt: float, share: float) -> Floats:

@@ -28,7 +28,8 @@ from dlo_planner.minimize.contact_table import NEGLIGIBLE
 from dlo_planner.minimize.dense import factorized, lu_factor, lu_solve
 from dlo_planner.model.arrays import Bools, Floats, Ints
 
-_SOFT = 1e-3     # of a spring's compliance: the proximal compliance of the first attempt
+_SOFT = 1e-3     # of a contact's compliance: the proximal compliance of the first attempt
+_HARDEST = 1e-6  # of a spring's compliance: the least that a contact has there
 _REFINED = 2     # proximal steps after it: each leaves about a thousandth of its effect
 _LEAST_OWN = 1e-3  # part of a compliance that counts at least as the DLO's, not that of springs
 _TOLERANCE = 1e-4  # of Coulomb's limit: by how much a friction force may differ from the law
@@ -131,7 +132,11 @@ def contact_forces(law, iterations):
     """
     size, count = law.free.size, law.friction.size
     rubs, change, bears = size > count, np.zeros(size), law.bears.copy()
-    known, taken = _semismooth(law, np.full(size, _SOFT / law.stiffness), _forces(law, change),
+    proximal = np.full(size, _SOFT / law.stiffness)
+    for i in range(size):  # (a DLO that is pressed along itself yields by far less than springs)
+        if law.compliance[i, i] < proximal[i]:
+            proximal[i] = _SOFT * max(law.compliance[i, i], _HARDEST / law.stiffness)
+    known, taken = _semismooth(law, proximal, _forces(law, change),
                                _augmentation(law, rubs), iterations, _REFINED, change, bears)
     if not rubs or known and taken > 0:
         return known, change, bears

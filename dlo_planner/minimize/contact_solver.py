@@ -46,6 +46,7 @@ from dlo_planner.minimize.contact_table import (
 )
 from dlo_planner.minimize.convergence import TOUCHING, Minimum, as_rounded, gradient_noise
 from dlo_planner.minimize.hessian import assemble, is_definite, largest_turn, new_hessian
+from dlo_planner.minimize.kkt import dot, put_scaled
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import (
     HARDLY,
@@ -381,9 +382,11 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
                 stability, mode = _judged(firm, state, tolerance, exact)
                 stands = stability > -HELD_NEUTRAL
         if stands:
-            if not rests or (_bears_inside(firm.effects.contact.contacts)
-                             and _bearing(firm.effects.contact.contacts) < _ROLLING):
-                # points that bear inside elements are where they are nearest, exactly
+            # points that bear inside elements are where they are nearest, exactly; and what moves
+            # is not pressed in, as the next step would push it out, with that energy
+            exactly = _bears_inside(firm.effects.contact.contacts) or (
+                violation > exact and has_inertia(system.effects.anchor))
+            if not rests or exactly and _bearing(firm.effects.contact.contacts) < _ROLLING:
                 near = firm if rests else with_bearing(there, q, given, rests)
                 borne = reaction_of(hold, row_count(system.needs.border))
                 rolls, its, its_residual, its_stability, moves, loaded, inside = _at_once(
@@ -392,6 +395,15 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
                 if rolls:
                     return True, its, its_residual, its_stability, steps, kicks, loaded, inside
                 set_reaction(hold, borne)
+                buckles, its_system = _buckles(near, state.q, tolerance, exact, kicked)
+                if buckles:
+                    rolls, its, its_residual, its_stability, moves, loaded, inside = _at_once(
+                        its_system, kicked, not buckles, tolerance, exact, check, previous)
+                    steps += moves
+                    if rolls:
+                        return (True, its, its_residual, its_stability, steps, kicks + 1, loaded,
+                                inside)
+                    set_reaction(system.effects.hold, borne)
             if rests:
                 return (True, state, residual, stability if check else np.inf, steps, kicks, firm,
                         violation)
@@ -631,14 +643,23 @@ def _buckles(system, q, tolerance, exact, beside):
     given = system.effects.contact.contacts
     weak = with_stiffness(system, _WEAK * given.stiffness, _WEAK * given.grip)
     put_forces(weak, table, 0.0 * normal, 0.0 * shear)
-    if not kkt_residual(weak, q)[1] < tolerance:  # forces move it
+    # (a few may press it nearly along itself; many may as well not be what bears)
+    if _bearing(given) >= _MANY and not kkt_residual(weak, q)[1] < tolerance:
         return False, system
-    put_forces(weak, table, normal, shear)
-    stability, mode = _lowest(weak, state, tolerance, exact)
+    # multiples of the forces under which it stands, and does not: those that it is pressed in with
+    # are of springs, and of any size where it neither yields nor buckles
+    least, most, stability, mode = 0.0, 1.0, 0.0, q
+    for _ in range(_BISECTIONS):
+        put_forces(weak, table, most * normal, most * shear)
+        stability, mode = _lowest(weak, state, tolerance, exact)
+        if stability <= -HELD_NEUTRAL:
+            break
+        least, most = most, 2.0 * most
     if not stability <= -HELD_NEUTRAL:
         return False, system
-    least, most = 0.0, 1.0  # parts of the forces under which it stands, and does not
     for _ in range(_BISECTIONS):
+        if most - least < _ABOUT * most:
+            break
         part = 0.5 * (least + most)
         put_forces(weak, table, part * normal, part * shear)
         stability, its = _lowest(weak, state, tolerance, exact)
@@ -646,9 +667,10 @@ def _buckles(system, q, tolerance, exact, beside):
             most, mode = part, its
         else:
             least = part
-        if most - least < _ABOUT * most:
-            break
     hessian, trial = new_hessian(system), new_configuration(system)
+    put_forces(weak, table, most * normal, most * shear)
+    if dot(kkt_residual(weak, q)[0].gradient, mode) > 0.0:  # what is bent already is bent farther
+        put_scaled(-1.0, mode, mode)
     assemble(system, state, hessian)
     reach = KICK_TURN / max(largest_turn(system, hessian, mode), 1e-12)
     inside, outside = 0.0, 1.0  # parts of that, at which it still is pressed in, and is not

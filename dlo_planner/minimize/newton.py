@@ -46,7 +46,7 @@ from dlo_planner.energy.grip import (
     move_multipliers,
     shortest_span,
 )
-from dlo_planner.energy.inertia import has_inertia
+from dlo_planner.energy.inertia import has_inertia, inertial_stiffness
 from dlo_planner.energy.plastic import yields
 from dlo_planner.energy.potential import evaluate, unknowns_of, value_at
 from dlo_planner.energy.problem import (
@@ -624,7 +624,9 @@ def _most_give(hold, system, bend, span):
     if not may_forbid(system.effects):  # (which push as well, deep inside them as much)
         forces += _tension(hold)  # what is taut would miss its grip if that gave under so much
     stiff = bend * (np.sum(system.lengths) / span)
-    return _GIVE * span**2 / (forces * span + stiff)
+    # (a force of 2 sqrt(EI k), k the stiffness per length of what draws it, buckles what is drawn)
+    drawn = inertial_stiffness(system.effects.anchor) * span**2
+    return _GIVE * span**2 / (forces * span + stiff + 2.0 * np.sqrt(stiff * drawn))
 
 
 @kernel

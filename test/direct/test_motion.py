@@ -3,6 +3,7 @@
 """Motions against wires that were not written with the package, balances, and what they say."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -37,8 +38,8 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.direct import dynamics
-from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
-from dlo_planner.direct.integrator import Scheme, within_energy_budget
+from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory, moving_grips
+from dlo_planner.direct.integrator import KINETIC, Scheme, within_energy_budget
 from dlo_planner.direct.stepper import Acceptance, Stepper
 from dlo_planner.minimize.newton import newton
 from dlo_planner.results import Motion
@@ -537,7 +538,9 @@ def test_a_column_that_lands_fast_buckles_in_waves_that_no_short_series_knows():
 
 
 STRIP = Rod.rectangular(0.4, 0.02, 0.0005, 7850, 2.0e11, 0.3)
-COPPER = Rod.circular(1.0, 1.5e-3, 8960, 110e9, 0.34, damping=(0.0, 1e-3))
+COPPER_WIRE = Rod.circular(1.0, 1.5e-3, 8960, 110e9, 0.34)
+COPPER = replace(COPPER_WIRE, damping=(0.0, 1e-3))
+STEEL = Rod.circular(0.5, 1e-3, 7850, 2e11, 0.3)
 
 
 @pytest.mark.parametrize(('thing', 'dt', 'gap', 'way', 'mesh'), [
@@ -575,6 +578,86 @@ def test_what_lands_while_rates_are_renewed_is_no_force_of_the_grips():
     renewed = stepper.resized(now, 5e-4)
     assert np.abs(renewed.row.wrenches).max() < 1.0
     assert np.abs(renewed.row.mean_wrenches).max() < 1.0
+
+
+@pytest.mark.parametrize(('name', 'tilt', 'dt', 'way', 'gap', 'friction', 'thing'), [
+    ('presses from the start', 0.0, 1.5e-2, 0.1, 0.0, 0.4, 'plane'),
+    ('presses quickly', 0.0, 3.8e-4, 0.042, 0.0, 0.0, 'plane'),
+    ('nearly straight', -1e-4, 1.1e-4, 4.7e-3, 1e-5, 0.4, 'plane'),
+    ('nearly straight', 1e-6, 3.2e-4, 5.9e-3, 0.0, 0.0, 'sphere'),
+])
+def test_columns_that_touch_at_the_start_buckle(name, tilt, dt, way, gap, friction, thing):
+    axis = np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
+    tip = 0.5 * axis - (0, 0, 0.5 * gap + STEEL.radius)
+    floor = (Plane(tip, (0, 0, 1), friction) if thing == 'plane'
+             else Sphere(tip - (0, 0, 0.05), 0.05, friction=friction))
+    t = np.linspace(0, 1, 31)
+    poses = [Pose.looking_along((0, 0, -z), axis)
+             for z in 0.5 * way * (t - np.sin(2 * np.pi * t) / (2 * np.pi))]
+    motion = DirectSimulator(STEEL, obstacles=[floor]).simulate(poses, dt)
+    assert motion.converged, motion.message
+    assert sum(bool(shape.contacts) for shape in motion.shapes) > 3
+    # nothing is pressed in, to be pushed out by the next step
+    assert max(shape.violation for shape in motion.shapes) < 1e-7
+    moved = np.ptp(motion.potential_energy) + motion.kinetic_energy.max()
+    assert moved > 1e-5
+    assert motion.numerical_loss.min() > -1e-3 * moved
+    assert motion.work.max() < 1.5 * moved  # by no force of springs that it is pressed in by
+
+
+def led_together(thing, axis, gravity, grip='clamped', slack=0.0, instants=21, dt=0.02):
+    """Return the motion in which both ends of a straight DLO come nearer by 4 % of its length."""
+    axis, t = np.array(axis), np.linspace(0, 1, instants)
+    ways = 0.02 * thing.length * (t - np.sin(2 * np.pi * t) / (2 * np.pi))
+    ends = [FarEnd(Pose.looking_along(axis * (thing.length * (1 - slack) - way), axis), grip)
+            for way in ways]
+    return DirectSimulator(thing, gravity=gravity).simulate(
+        [Pose.looking_along(axis * way, axis) for way in ways], dt, far_ends=ends)
+
+
+@pytest.mark.parametrize('grip', ['clamped', 'pinned'])
+@pytest.mark.parametrize('gravity', [(0, 0, -9.81), (-9.81, 0, 0), (0, 0, 0)])
+@pytest.mark.parametrize(('slack', 'dt'), [(0.0, 0.02), (1e-5, 1e-3), (1e-3, 1e-3)])
+def test_what_is_straight_buckles_between_grips_that_are_led_together(grip, gravity, slack, dt):
+    motion = led_together(COPPER_WIRE, (1, 0, 0), gravity, grip, slack, dt=dt)
+    assert motion.converged, motion.message
+    assert motion.numerical_loss.min() > -1e-3 * np.ptp(motion.potential_energy)
+    assert np.isfinite(motion.error_estimate).all()
+    last = motion.shapes[-1].positions
+    away = np.linalg.norm(last[:, 1:], axis=1).max()
+    assert away > 0.02
+    np.testing.assert_allclose(motion.shapes[-1].far_end.pose.position, last[-1], atol=1e-9)
+    if gravity[2]:
+        assert last[:, 2].min() < -0.99 * away  # gravity chooses the side
+    again = led_together(COPPER_WIRE, (1, 0, 0), gravity, grip, slack, dt=dt)
+    np.testing.assert_array_equal(again.shapes[-1].positions, last)
+
+
+def test_a_motion_from_full_length_is_compared_with_one_that_makes_no_energy():
+    hose = Rod.circular(1.0, 0.012, 1100, 5e6, 0.45)
+    motion = led_together(hose, (1, 0, 0), (0, 0, -9.81), instants=81)
+    assert motion.converged, motion.message
+    assert 1e-6 < motion.error_estimate[-1] < 1e-3
+
+
+def test_new_rates_between_two_grips_are_their_work_and_make_no_energy():
+    ends = [FarEnd(Pose.looking_along((0.9 - 1e-3 * k, 0, 0), (1, 0, 0))) for k in range(4)]
+    poses = [Pose.looking_along((0, 0, 0), (1, 0, 0))] * 4
+    direct = DirectSimulator(COPPER_WIRE, n_elements=16, basis='local')
+    shape = direct.solve(poses[0], far_end=ends[0])
+    grips = moving_grips(poses, [(one,) for one in ends], 1e-2, False, None)
+    stepper = Stepper(shape.mesh, grips, 1e-2)
+    now = stepper.begin(shape)
+    wrong = now.row.nodes.copy()
+    wrong[1, 1:-1] += 0.1 * np.sin(np.arange(15 * 3)).reshape(15, 3)  # the length does not allow it
+    row = now.row._replace(nodes=wrong, energies=now.row.energies.copy())
+    row.energies[KINETIC] = 0.5 * (stepper.masses @ np.sum(wrong[1]**2, axis=1))
+    now = replace(now, row=row, place=1.0)
+    fresh = stepper.renewed(now, 1e-3)
+    change = fresh.velocities - wrong[1]
+    lost = 0.5 * (stepper.masses @ np.sum(change**2, axis=1))
+    assert now.balance - fresh.balance == pytest.approx(lost, rel=1e-6)
+    assert lost > 1e-6
 
 
 def test_a_strip_that_tilts_on_its_edge_makes_no_energy():

@@ -327,6 +327,26 @@ def test_strands_that_hit_each_other_in_a_motion_do_not_pass(wound_up):
     assert last.lies_in_itself is False
 
 
+def test_no_step_of_a_motion_leads_a_strand_through_another():
+    # a coil of 1.35 turns, whose end is thrown at its beginning: an even step of 0.03 s would lead
+    # it past that, and springs would press it on, on the other side
+    radius = LENGTH / (2.7 * np.pi)
+    rise = 5 * RADIUS / (2 * np.pi)
+    coil = replace(ROD, natural_curvature=(0.0, radius / (radius**2 + rise**2)),
+                   natural_twist=rise / (radius**2 + rise**2))
+    one = DirectSimulator(coil, basis='local', n_elements=32, gravity=(0, 0, 0), self_contact=True)
+    start = one.solve(GRIPPER)
+    assert start.self_distance > 4 * RADIUS
+    ways = np.diff(start.positions, axis=0)
+    axis = np.cross(ways[:-1], ways[1:]).sum(axis=0)
+    axis *= -3.0 * np.sign(axis @ start.positions[-1]) / np.linalg.norm(axis)
+    motion = one.simulate([GRIPPER] * 3, 0.03, start, velocity=lambda s: axis * s / LENGTH,
+                          tolerance=np.inf)
+    assert motion.status == 'complete', motion.message
+    assert not any(shape.passed_itself for shape in motion.shapes)
+    assert min(shape.self_distance for shape in motion.shapes) > 1.9 * RADIUS
+
+
 def test_a_motion_that_winds_itself_up_gains_no_energy(wound_up):
     motion = wound_up[0]
     moved = motion.kinetic_energy.max()
