@@ -232,11 +232,13 @@ def test_a_soft_dlo_comes_to_lie_round_a_bar_in_every_step(tension, friction, n_
 @pytest.mark.parametrize('wrapped', [90, 180, 270])
 def test_capstan(friction, wrapped):
     assert capstan(1e-9, friction, 0.1, 1.5) == pytest.approx(np.exp(1.5 * friction), rel=1e-4)
-    radius, thin, stiffness = 0.1, 5e-4, 5e-3
+    radius, thin = 0.1, 5e-4
+    # around a quarter of the bar only a soft one touches it at many points
+    stiffness, elements = (5e-4, 192) if wrapped == 90 else (5e-3, 96)
     axis = np.array([0, 0, -radius - thin])
     bar = Capsule((0, -0.3, axis[2]), (0, 0.3, axis[2]), radius, friction)
     rod = Rod(1.4, 0.0, stiffness, stiffness, radius=thin, tip_mass=1 / G)
-    direct = DirectSimulator(rod, basis='local', n_elements=96, obstacles=[bar])
+    direct = DirectSimulator(rod, basis='local', n_elements=elements, obstacles=[bar])
     way = [Pose((x, 0, z), (0, 0, 0, 1))
            for x, z in [*((-0.3, z) for z in np.linspace(0.14, 0.0, 8)), (-0.305, 0.0)]]
     for angle in range(3, wrapped - 89, 3):  # the gripper goes round the bar
@@ -248,7 +250,7 @@ def test_capstan(friction, wrapped):
     shapes = direct.track(way)
     assert all(shape.converged for shape in shapes)
     shape = shapes[-1]
-    assert wrapped == 90 or len(shape.contacts) >= 8
+    assert len(shape.contacts) >= 8
     x, z = shape.gripper_wrench[[0, 2]]
     turned = (np.pi / 2 + np.arctan2(-z, -x)) % (2 * np.pi)
     assert round(2 * turned / np.pi) == wrapped // 90
