@@ -99,7 +99,7 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
     goal = Grips(gripper, holds)
     way = _way(previous, goal)
     if falls and not last:
-        return _in_parts(take, previous, goal, way, halvings, None, None, False, np.inf)
+        return _in_parts(take, previous, goal, way, halvings, None, None, False, np.inf, falls=True)
     touched = bool(previous.contacts)
     if (len(previous.contacts) >= LYING and alike(previous.holds, holds) and not last
             and way.size > 2.0 * _SHORTEST_LYING and not _is_long(way, True, at_once)):
@@ -124,7 +124,7 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
             tried = take(gripper, previous, holds, most)
         shape = tried
         if not (shape.converged or shape.state.kicks) and (
-                shape.jumped or holds and whole and not _may_get_there(shape)):
+                shape.jumped or holds and whole and not _may_be_reached_in_parts(shape)):
             return shape  # the way is blocked, or out of reach
         good, touches = sound(previous, shape, way), touched or bool(shape.contacts)
         if good and (last or not _changes(previous, shape)):
@@ -145,21 +145,24 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
         failed = not shape.converged and (most == np.inf or touched and not shape.state.kicks)
         falls = _has_fallen(previous, shape)
     found = _in_parts(take, previous, goal, way, halvings, shape, first, failed, most, falls=falls)
-    if whole and holds and failed and shape is not None:  # no grips go in halves else
+    if whole and holds and failed and shape is not None:
+        # only grips that could not be reached at once are reported
         halves = Try('in halves', 'found' if found.converged else 'not converged')
         found = changed(found, state=changed(found.state, tried=(*shape.state.tried, halves)))
     return found
 
 
-def _may_get_there(shape: Shape) -> bool:
+def _may_be_reached_in_parts(shape: Shape) -> bool:
     """Whether a step to all grips of a Shape that is no equilibrium may be found in parts.
 
     Among obstacles, if these grips can be reached. What is straight behind a grip goes with it, and
     may be stopped by the DLO.
     """
     mesh = shape.state.mesh
-    if mesh is None or mesh.touches_itself:
-        return mesh is not None
+    if mesh is None:
+        return False
+    if mesh.touches_itself:
+        return True
     spans = spans_of(shape.holds, shape.gripper, float(shape.s[-1]))
     return mesh.obstructed and all(span.reaches(mesh.loaded) for span in spans)
 

@@ -148,8 +148,8 @@ def test_what_slides_is_known_at_rest_only():
     ({'fittings': [replace(CLIP, pose=toward((0.79, 0, 0.1), (-1, 0, 0)))]}, 'reach',
      'clip 1 cannot be reached: the way to it is 0.79 m, the DLO between the far end and the '
      'gripper 0.8 m'),
-    ({'fittings': [replace(CLIP, push=5e3)]}, 'push',
-     'clip 1 snaps at 5e+03 N, the DLO presses'),
+    ({'fittings': [replace(CLIP, push=50.0)]}, 'push',
+     'clip 1 snaps at 50 N, the DLO presses'),
     ({'fittings': [CLIP], 'max_force': 0.05}, 'max_force', 'a grip would exert'),
     ({'fittings': [CLIP], 'clearance': 0.2}, 'clearance', 'nearer than clearance')])
 def test_refusals_name_what_is_missing(change, constraint, said):

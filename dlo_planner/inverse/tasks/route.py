@@ -813,8 +813,10 @@ class _Routing:
                 if not lifts and not (exactly and pulls < least) and (
                         not fitting.push or pulls < (1 + _PULLED) * wanted):
                     too_hard = self._push(there, fitting, name) > most
-                    good = not too_hard and (
-                        there.stability > firm and self._leads_to(found[-1], there))
+                    # (a force that depends on less slack than the error is no figure)
+                    good = (not too_hard and there.stability > firm
+                            and loose * s > there.error_estimate
+                            and self._leads_to(found[-1], there))
                     return (there, loose) if good else None
                 if known is not None and (pulls - known[1]) * (1 / loose - known[0]) > 0:
                     rate = (pulls - known[1]) / (1 / loose - known[0])
