@@ -252,11 +252,7 @@ def beyond_cones(shape: Shape, bodies: list[Obstacle]) -> float:
 
 def run(name: str, cap: float, seed: int | None = None, default: bool = False) -> str:
     """Return the row of a scene; with a `seed` it is `drawn`; on 64 elements, or the `default`."""
-    ends: list[Pose] | None = None
-    if name in HELD:
-        (rod, bodies, poses), ends = HELD[name]()
-    else:
-        rod, bodies, poses = SCENES[name]() if seed is None else drawn(name, seed)
+    rod, bodies, poses, ends = _scene(name, seed)
     direct = _simulator(rod, bodies, default)
     times: list[float] = []
     failed = fell = 0
@@ -279,6 +275,15 @@ def run(name: str, cap: float, seed: int | None = None, default: bool = False) -
             f'deep {depth:7.1e} m  forces {wrong:7.1e}  cone {cone:8.1e}')
 
 
+def _scene(name: str, seed: int | None) -> tuple[Rod, list[Obstacle], list[Pose],
+                                                 list[Pose] | None]:
+    """Return a scene, `drawn` if there is a seed, with the poses of a grip of the tip or None."""
+    ends = HELD[name]()[1] if name in HELD else None
+    if seed is not None:
+        return *drawn(name, seed), ends
+    return *(HELD[name]()[0] if name in HELD else SCENES[name]()), ends
+
+
 def _simulator(rod: Rod, bodies: list[Obstacle], default: bool) -> DirectSimulator:
     """Return what follows a scene, on 64 local elements, or those that the `default` takes."""
     if default:
@@ -287,14 +292,12 @@ def _simulator(rod: Rod, bodies: list[Obstacle], default: bool) -> DirectSimulat
 
 
 def summed(names: Iterable[str], seeds: int, default: bool) -> str:
-    """Return a row for all steps but the first of scenes, as they are and drawn by some seeds."""
+    """Return a row of sums over all steps but the first, of scenes as they are and by each seed."""
     times: list[float] = []
     failed, medians, estimates = 0, [], []
     for name in names:
         for seed in range(seeds + 1):
-            ends = HELD[name]()[1] if name in HELD else None
-            rod, bodies, poses = (drawn(name, seed) if seed else
-                                  HELD[name]()[0] if name in HELD else SCENES[name]())
+            rod, bodies, poses, ends = _scene(name, seed or None)
             steps = list(_steps(_simulator(rod, bodies, default), poses, ends))
             medians.append(np.median([time for _, time in steps[1:]]))
             for shape, time in steps[1:]:

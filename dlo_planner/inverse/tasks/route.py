@@ -80,8 +80,8 @@ _BOWS = 0.0, 0.1, 0.15, 0.2, 0.3, 0.4, 0.8
 # comes in slacker, and by so much that a hand that gives way takes what its length may be off
 _SLACKER = 0.0, 0.2, 0.4, 0.8
 _EASED = 10.0        # per rad: by how much less than it should it pulls then
-_CLOSER = 3          # trials of a way whose corners are rounded into what stands ahead
-_EDGE = 0.02         # of the least pull: nearer to it none is looked for that does not lift it off
+_CLOSER = 3          # trials, each with twice as many waypoints beside the refused corner
+_EDGE = 0.02         # of the least pull: a search for one that lifts nothing off ends so near it
 _LIFTS = 0.05        # of the pull: by which the DLO may lift off a seat that has not snapped yet
 _ACROSS = 1e-6       # of a unit vector: a mouth that is less across has no direction
 
@@ -935,9 +935,10 @@ class _Routing:
                 break
             except Infeasible as error:
                 at = error.waypoint
-                if error.constraint != 'clearance' or not left or not at:
+                if error.constraint != 'clearance' or not left or not 0 < at < len(grips):
                     raise again(error, f'press {name}: ') from None
-                # each step keeps all demands by itself, straight on; its corners are rounded off
+                # Each step was looked at as a straight one; the trajectory rounds the corners
+                # between steps, so there are more waypoints beside the one that is refused.
                 grips = [new for k, one in enumerate(grips) for new in (
                     (grips[k - 1].towards(one, 0.5), one) if k and abs(k - at) < 2 else (one,))]
                 known = known[:max(at - 1, 1)]
