@@ -83,13 +83,14 @@ print(len(read), first - pstats.Stats(profile).total_calls)
 
 @pytest.mark.skipif(not COMPILED, reason='there is nothing to load')
 def test_a_kernel_is_loaded_by_few_calls():
+    # 4,200 calls of Python, most of them numba's: twice as many where numba times what one kernel
+    # reads for another, or reads LLVM's code of what is called by its symbol
+    few = 5500
     kernels, calls = map(int, printed(LOADED).split())
-    if kernels < 300:  # the others were compiled
+    if kernels < 300 or calls > few * kernels:  # some had to be compiled
         kernels, calls = map(int, printed(LOADED).split())
     assert kernels > 300
-    # 4,200 of Python, most of them numba's: twice as many where numba times what one kernel reads
-    # for another, or reads LLVM's code of what is called by its symbol
-    assert calls / kernels < 5500
+    assert calls < few * kernels
 
 
 MAIN_PATH = """
