@@ -99,7 +99,7 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
     goal = Grips(gripper, holds)
     way = _way(previous, goal)
     if falls and not last:
-        return _in_parts(take, previous, goal, way, halvings, None, None, False, np.inf, falls=True)
+        return _in_parts(take, previous, goal, way, halvings, None, None, False, np.inf)
     touched = bool(previous.contacts)
     if (len(previous.contacts) >= LYING and alike(previous.holds, holds) and not last
             and way.size > 2.0 * _SHORTEST_LYING and not _is_long(way, True, at_once)):
