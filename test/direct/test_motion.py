@@ -626,6 +626,14 @@ def test_columns_that_touch_at_the_start_buckle(scene):
     assert motion.work.max() < 1.5 * moved  # by no force of springs that it is pressed in by
 
 
+@pytest.mark.parametrize('scene', [SLOWLY, {}])
+def test_what_is_straight_to_rounding_buckles_to_one_side(scene):
+    ends = [pressed(tilt, **scene)[0].shapes[-1].positions for tilt in (0.0, -1e-16, 1e-16)]
+    beside = np.linalg.norm(ends[0][:, :2], axis=1).max()
+    for other in ends[1:]:
+        assert np.abs(other - ends[0]).max() < 0.1 * beside
+
+
 def led_together(thing, axis, gravity, grip='clamped', slack=0.0, instants=21, dt=0.02):
     """Return the motion in which both ends of a straight DLO come nearer by 4 % of its length."""
     axis, t = np.array(axis), np.linspace(0, 1, instants)
