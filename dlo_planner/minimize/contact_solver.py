@@ -81,8 +81,8 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.progress import uninterrupted
 
 # Of a buckling force, and of how far a DLO buckles: how nearly they are known where Newton's method
-# finds the rest; by so many bisections at most, of what may be smaller by so many powers of two, and
-# so many doublings of a force, which may be larger by as many
+# finds the rest; by so many bisections at most, of what may be smaller by so many powers of two,
+# and so many doublings of a force, which may be larger by as many
 _ABOUT, _BISECTIONS = 0.05, 40
 # Contacts whose springs hardly give are stiffer by so much, at most so many times over: a column
 # that has hardly buckled is held by its axial contact alone. Where an eigenvalue keeps more than a

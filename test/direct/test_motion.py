@@ -581,7 +581,7 @@ def test_what_lands_while_rates_are_renewed_is_no_force_of_the_grips():
 
 
 def pressed(tilt=0.0, dt=3.8e-4, way=0.021, gap=0.0, friction=0.0, thing='plane', height=0.0):
-    """Return the motion of a steel wire whose tip is `gap` above what it is pressed on, and its axis.
+    """Return the motion of a steel wire, its tip `gap` above what it is pressed on, and its axis.
 
     m, s, rad; the rounding errors of the tip's place, and so the sign of a gap of 0, depend on the
     height.
@@ -713,6 +713,12 @@ def test_a_motion_that_leads_grips_out_of_reach_says_so():
     motion = direct.simulate([here] * 6, 0.2, direct.solve(here, far_end=ends[0]), far_ends=ends)
     assert motion.status == 'blocked'
     assert motion.message.startswith('out of reach: at 0.6 s the far end is held')
+
+
+def test_grips_that_stay_at_full_length_are_out_of_reach():
+    motion = led_together(COPPER_WIRE, (1, 0, 0), (0, 0, -9.81), instants=401, dt=1e-3)
+    assert motion.status == 'blocked'  # they come nearer by 0.06 nm until then
+    assert motion.message.startswith('out of reach: at 0.00025 s')
 
 
 def test_a_dlo_that_has_bounced_moves_freely_again():
