@@ -245,12 +245,12 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     obstructed, farthest = bool(coarse.surroundings.obstacles), 2.0 * float(coarse.s[-1])
     most /= _DEAR if obstructed else 1.0
     found = np.full(len(ends), np.inf)
-    parted = _compare(_finer(stepper, made.sizes)._replace(
-        gain=_UNGUARDED if obstructed else 1.0), begun, plan, made, found, most)
+    parted = _compare(_finer(stepper, made.sizes, _UNGUARDED if obstructed else 1.0), begun, plan,
+                      made, found, most)
     found *= _LANDING if obstructed else 2.0 if plan.integrator == 'paper' else 4 / 3
     if np.isinf(found).any() and not parted:
         rough = np.full(len(ends), np.inf)
-        other = _coarser(stepper, made.sizes)
+        other = _coarser(stepper, made.sizes, _ROUGH_GAIN)
         # Contacts on another mesh change the energy by more than any useful limit, so the first run
         # has none; if it gets lost, a limit may keep it on the way.
         for gain in (_UNGUARDED, _ROUGH_GAIN) if obstructed else (_ROUGH_GAIN,):
@@ -293,14 +293,14 @@ def _sizes(steps: Sequence[int]) -> Ints:
     return np.array([2 << (HALVINGS - level) for level in steps], dtype=np.int64)
 
 
-def _finer(stepper: Stepper, sizes: Ints) -> _Other:
+def _finer(stepper: Stepper, sizes: Ints, gain: float) -> _Other:
     """Return the motion in which all elements and steps are halves."""
     mesh, here = stepper.discretization.finer, np.arange(stepper.discretization.s.size)
     return _Other(Stepper(mesh, stepper.grips, stepper.dt, watched=2 * stepper.watched),
-                  lambda known, holds: known.finer, here, 2 * here, np.repeat(sizes // 2, 2), 1.0)
+                  lambda known, holds: known.finer, here, 2 * here, np.repeat(sizes // 2, 2), gain)
 
 
-def _coarser(stepper: Stepper, sizes: Ints) -> _Other:
+def _coarser(stepper: Stepper, sizes: Ints, gain: float) -> _Other:
     """Return the motion in which elements and steps are two of those before, as far as they pair.
 
     Nodes that are watched, held, or where the rod changes are kept.
@@ -317,7 +317,7 @@ def _coarser(stepper: Stepper, sizes: Ints) -> _Other:
         Stepper(mesh, stepper.grips, stepper.dt, watched=np.searchsorted(kept, stepper.watched)),
         lambda mesh, holds: Discretization(
             mesh.surroundings, mesh.s[_every_other(mesh, holds)], 'local', 0),
-        kept, np.arange(kept.size), np.array(pairs, dtype=np.int64), _ROUGH_GAIN)
+        kept, np.arange(kept.size), np.array(pairs, dtype=np.int64), gain)
 
 
 def _every_other(mesh: Discretization, holds: Holds, more: ArrayLike = ()) -> Ints:
@@ -563,7 +563,7 @@ class _EnergyBudget:
         self.budget = np.array([first.balance, *first.row.energies[[STATIC, STATIC, KINETIC]],
                                 first.balance])
         self.began = first.balance
-        self.part = times * _GAIN
+        self.part, self.guarded = times * _GAIN, times < _UNGUARDED
         # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
         self.noise = times * KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
                                      + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
@@ -582,8 +582,8 @@ class _EnergyBudget:
 
     def steps(self, now: TimePoint, places: Floats, scheme: Scheme) -> StepBatch:
         """Return the StepBatch of steps of a Scheme that end at `places` (n,), of any error."""
-        damps = (self.part < _UNGUARDED * _GAIN
-                 and scheme.dt < 1.5 * self._stepper.dt / (1 << _DAMPING))
+        # (of so many halvings or more: 1.5 is between the lengths of two levels, 1 and 2)
+        damps = self.guarded and scheme.dt < 1.5 * self._stepper.dt / (1 << _DAMPING)
         batch = self._stepper.steps(now, (), places, scheme, Acceptance(
             part=self.part, noise=self.limit, budget=self.budget, began=self.began, damps=damps))
         self.budget = batch.budget
