@@ -128,10 +128,11 @@ def first_shape(discretization: Discretization, gripper: Pose, holds: Holds,
 
 
 def at_full_length(found: Shape, holds: Holds, memory: Memory | None) -> Shape:
-    """Return the Shape at time 0 between grips as far apart as the DLO is long, else `found`.
+    """Return the straight Shape that a motion starts from at full length, else `found`.
 
-    There it is the only one, and what the DLO has without loads: at rest it would be pulled without
-    end, in motion for the time alone until they come nearer.
+    Full length: where grips are exactly as far apart as the DLO is long. There it is the only one,
+    and no equilibrium: its forces are not known, its wrenches are those of the gripper on a DLO
+    that hangs there straight.
     """
     mesh, gripper = found.state.mesh, found.gripper
     if found.converged or mesh is None or not mesh.loaded:
@@ -244,13 +245,14 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     obstructed, farthest = bool(coarse.surroundings.obstacles), 2.0 * float(coarse.s[-1])
     most /= _DEAR if obstructed else 1.0
     found = np.full(len(ends), np.inf)
-    parted = _compare(_finer(stepper, made.sizes)._replace(
-        gain=_UNGUARDED if obstructed else 1.0), begun, plan, made, found, most)
+    parted = _compare(_finer(stepper, made.sizes, _UNGUARDED if obstructed else 1.0), begun, plan,
+                      made, found, most)
     found *= _LANDING if obstructed else 2.0 if plan.integrator == 'paper' else 4 / 3
     if np.isinf(found).any() and not parted:
         rough = np.full(len(ends), np.inf)
-        other = _coarser(stepper, made.sizes)
-        # (contacts on other elements err by more than energy tells; where it is lost, it may tell)
+        other = _coarser(stepper, made.sizes, _ROUGH_GAIN)
+        # Contacts on another mesh change the energy by more than any useful limit, so the first run
+        # has none; if it gets lost, a limit may keep it on the way.
         for gain in (_UNGUARDED, _ROUGH_GAIN) if obstructed else (_ROUGH_GAIN,):
             told = np.full(len(ends), np.inf)
             if not _compare(other._replace(gain=gain), begun, plan, made, told, _ROUGHLY * most):
@@ -291,14 +293,14 @@ def _sizes(steps: Sequence[int]) -> Ints:
     return np.array([2 << (HALVINGS - level) for level in steps], dtype=np.int64)
 
 
-def _finer(stepper: Stepper, sizes: Ints) -> _Other:
+def _finer(stepper: Stepper, sizes: Ints, gain: float) -> _Other:
     """Return the motion in which all elements and steps are halves."""
     mesh, here = stepper.discretization.finer, np.arange(stepper.discretization.s.size)
     return _Other(Stepper(mesh, stepper.grips, stepper.dt, watched=2 * stepper.watched),
-                  lambda known, holds: known.finer, here, 2 * here, np.repeat(sizes // 2, 2), 1.0)
+                  lambda known, holds: known.finer, here, 2 * here, np.repeat(sizes // 2, 2), gain)
 
 
-def _coarser(stepper: Stepper, sizes: Ints) -> _Other:
+def _coarser(stepper: Stepper, sizes: Ints, gain: float) -> _Other:
     """Return the motion in which elements and steps are two of those before, as far as they pair.
 
     Nodes that are watched, held, or where the rod changes are kept.
@@ -315,7 +317,7 @@ def _coarser(stepper: Stepper, sizes: Ints) -> _Other:
         Stepper(mesh, stepper.grips, stepper.dt, watched=np.searchsorted(kept, stepper.watched)),
         lambda mesh, holds: Discretization(
             mesh.surroundings, mesh.s[_every_other(mesh, holds)], 'local', 0),
-        kept, np.arange(kept.size), np.array(pairs, dtype=np.int64), _ROUGH_GAIN)
+        kept, np.arange(kept.size), np.array(pairs, dtype=np.int64), gain)
 
 
 def _every_other(mesh: Discretization, holds: Holds, more: ArrayLike = ()) -> Ints:
@@ -330,7 +332,8 @@ def _every_other(mesh: Discretization, holds: Holds, more: ArrayLike = ()) -> In
 _DEAR = 4.0
 # times what halving everything changes, among obstacles: the error, of an order below one
 _LANDING = 3.0
-# times as much work as the finer motion may take the coarser one, which has to come to the end
+# times as much work as the finer motion may take the coarser one, which has to come to the end:
+# chosen, not measured
 _ROUGHLY = 32.0
 # times what the motion may gain of energy: the errors of steps twice as long, of second order
 _ROUGH_GAIN = 4.0
@@ -479,7 +482,7 @@ def _at_rest_on(shape: Shape, mesh: Discretization,
 
 _LOOKS = 4           # places between two instants where the grips are looked at
 _CLOSE = 3           # halvings of a step that leads a grip into an obstacle, until it is the end
-_TAUT = 1.0          # instants before grips are out of reach: there a DLO may be too taut
+_TAUT = 1.0          # instants before grips are out of reach: what is nearly taut may end there
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
 _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
@@ -522,7 +525,6 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
     """Return the Run that begins with the TimePoint `first`."""
     control, reached = _StepControl(stepper, first, plan), [first]
     blocked, why = _blocked(stepper, plan.instants)
-    taut, too_far = _out_of_reach(stepper, plan.instants)
     while len(reached) < plan.instants:
         batch = control.advance(progress)
         progress.check()
@@ -533,8 +535,10 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
         if after is None:
             continue
         led_in = after.place >= blocked and control.level >= _CLOSE
-        if control.stuck and after.place > taut - _TAUT:  # what is nearly taut may end before
-            led_in, why = True, too_far
+        if control.stuck:
+            too_far = _out_of_reach(stepper, control.now.place,
+                                    min(after.place + _TAUT, plan.instants - 1))
+            led_in, why = led_in or bool(too_far), too_far or why
         if control.stuck or led_in:
             status = ('blocked' if led_in else 'energy' if after.row.converged else 'unsolved')
             end = replace(after, given=replace(after.shape, converged=False))
@@ -552,15 +556,15 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
 
 
 class _EnergyBudget:
-    """What a motion may gain of energy by rounding and errors, as long as its steps are good."""
+    """The energy that a motion may gain from rounding and discretization errors."""
 
     def __init__(self, first: TimePoint, plan: IntegrationOptions, times: float = 1.0) -> None:
         mesh, self._stepper = first.stepper.discretization, first.stepper
         self.budget = np.array([first.balance, *first.row.energies[[STATIC, STATIC, KINETIC]],
                                 first.balance])
         self.began = first.balance
+        self.part, self.guarded = times * _GAIN, times < _UNGUARDED
         # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
-        self.part = times * _GAIN
         self.noise = times * KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
                                      + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
         self.limit = np.inf if plan.integrator == 'paper' else self.noise
@@ -578,8 +582,8 @@ class _EnergyBudget:
 
     def steps(self, now: TimePoint, places: Floats, scheme: Scheme) -> StepBatch:
         """Return the StepBatch of steps of a Scheme that end at `places` (n,), of any error."""
-        damps = (self.part < _UNGUARDED * _GAIN
-                 and scheme.dt < 1.5 * self._stepper.dt / (1 << _DAMPING))
+        # (of so many halvings or more: 1.5 is between the lengths of two levels, 1 and 2)
+        damps = self.guarded and scheme.dt < 1.5 * self._stepper.dt / (1 << _DAMPING)
         batch = self._stepper.steps(now, (), places, scheme, Acceptance(
             part=self.part, noise=self.limit, budget=self.budget, began=self.began, damps=damps))
         self.budget = batch.budget
@@ -746,18 +750,19 @@ def _blocked(stepper: Stepper, instants: int) -> tuple[float, str]:
     return first
 
 
-def _out_of_reach(stepper: Stepper, instants: int) -> tuple[float, str]:
-    """Return where grips are first out of reach of each other, infinity if never; and in words."""
-    mesh, kinds, begins = stepper.discretization, stepper.grips.kinds, True
-    for place in np.arange((instants - 1) * _LOOKS + 1) / _LOOKS if kinds else ():
-        gripper, holds = stepper.grips.at(float(place))
-        # (a motion may begin at the full length)
-        too_far = unreached(holds, gripper, float(mesh.s[-1]), mesh.loaded and not begins)
-        begins = begins and bool(unreached(holds, gripper, float(mesh.s[-1]), mesh.loaded))
+def _out_of_reach(stepper: Stepper, begin: float, end: float) -> str:
+    """Return where grips are out of reach of each other from one place to another, in words.
+
+    '' where they are not. A motion may begin at the full length.
+    """
+    mesh, grips = stepper.discretization, stepper.grips
+    for place in np.arange(np.floor(begin * _LOOKS), np.floor(end * _LOOKS) + 1) / _LOOKS:
+        gripper, holds = grips.at(float(place))
+        too_far = unreached(holds, gripper, float(mesh.s[-1]), mesh.loaded and place > 0.0)
         if too_far:
-            return float(place), (f'out of reach: at {place * stepper.dt:.6g} s {too_far}: no '
-                                  'shape of the DLO can follow')
-    return np.inf, ''
+            return (f'out of reach: at {place * stepper.dt:.6g} s {too_far}: no shape of the DLO '
+                    'can follow')
+    return ''
 
 
 def _motion(stepper: Stepper, made: Run, tolerance: float,

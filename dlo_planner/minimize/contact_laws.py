@@ -28,8 +28,10 @@ from dlo_planner.minimize.contact_table import NEGLIGIBLE
 from dlo_planner.minimize.dense import factorized, lu_factor, lu_solve
 from dlo_planner.model.arrays import Bools, Floats, Ints
 
-_SOFT = 1e-3     # of a contact's compliance: the proximal compliance of the first attempt
-_HARDEST = 1e-6  # of a spring's compliance: the least that a contact has there
+# The proximal compliance of the first attempt: a part of the compliance of a contact's spring, or
+# of the contact's own where that is less than this part of the spring's; it counts as _HARDEST of
+# the spring's at least.
+_SOFT, _HARDEST = 1e-3, 1e-6
 _REFINED = 2     # proximal steps after it: each leaves about a thousandth of its effect
 _LEAST_OWN = 1e-3  # part of a compliance that counts at least as the DLO's, not that of springs
 _TOLERANCE = 1e-4  # of Coulomb's limit: by how much a friction force may differ from the law

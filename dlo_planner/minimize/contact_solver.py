@@ -24,7 +24,13 @@ from dlo_planner.energy.contact import obstructed, trial_traction
 from dlo_planner.energy.gap import closest_point
 from dlo_planner.energy.grip import constraint_violation, holds, reaction_of, set_reaction
 from dlo_planner.energy.inertia import has_inertia
-from dlo_planner.energy.problem import Configuration, Problem, hinged, new_configuration
+from dlo_planner.energy.problem import (
+    Configuration,
+    Problem,
+    bending_energy,
+    hinged,
+    new_configuration,
+)
 from dlo_planner.energy.terms import row_count
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import copy, put_sum, replaced
@@ -75,7 +81,8 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.progress import uninterrupted
 
 # Of a buckling force, and of how far a DLO buckles: how nearly they are known where Newton's method
-# finds the rest; by so many bisections at most, of what may be smaller by so many powers of two
+# finds the rest; by so many bisections at most, of what may be smaller by so many powers of two,
+# and so many doublings of a force, which may be larger by as many
 _ABOUT, _BISECTIONS = 0.05, 40
 # Contacts whose springs hardly give are stiffer by so much, at most so many times over: a column
 # that has hardly buckled is held by its axial contact alone. Where an eigenvalue keeps more than a
@@ -396,7 +403,7 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
                     return True, its, its_residual, its_stability, steps, kicks, loaded, inside
                 set_reaction(hold, borne)
                 buckles, its_system = _buckles(near, state.q, tolerance, exact, kicked)
-                if buckles:
+                if buckles:  # (not buckles: False; a literal would be compiled for by itself)
                     rolls, its, its_residual, its_stability, moves, loaded, inside = _at_once(
                         its_system, kicked, not buckles, tolerance, exact, check, previous)
                     steps += moves
@@ -643,7 +650,8 @@ def _buckles(system, q, tolerance, exact, beside):
     given = system.effects.contact.contacts
     weak = with_stiffness(system, _WEAK * given.stiffness, _WEAK * given.grip)
     put_forces(weak, table, 0.0 * normal, 0.0 * shear)
-    # (a few may press it nearly along itself; many may as well not be what bears)
+    # few contacts may press it almost along its axis; of many, forces that move it to first order
+    # show that it need not buckle
     if _bearing(given) >= _MANY and not kkt_residual(weak, q)[1] < tolerance:
         return False, system
     # multiples of the forces under which it stands, and does not: those that it is pressed in with
@@ -669,8 +677,9 @@ def _buckles(system, q, tolerance, exact, beside):
             least = part
     hessian, trial = new_hessian(system), new_configuration(system)
     put_forces(weak, table, most * normal, most * shear)
-    if dot(kkt_residual(weak, q)[0].gradient, mode) > 0.0:  # what is bent already is bent farther
-        put_scaled(-1.0, mode, mode)
+    bent = kkt_residual(weak, q)[0]
+    if dot(bent.gradient, mode) > _gradient_error(weak, bent) * np.sqrt(dot(mode, mode)):
+        put_scaled(-1.0, mode, mode)  # what is bent already is bent farther
     assemble(system, state, hessian)
     reach = KICK_TURN / max(largest_turn(system, hessian, mode), 1e-12)
     inside, outside = 0.0, 1.0  # parts of that, at which it still is pressed in, and is not
@@ -688,6 +697,12 @@ def _buckles(system, q, tolerance, exact, beside):
     put_sum(state.q, inside * reach, mode, beside)
     put_forces(weak, table, most * normal, most * shear)
     return True, with_stiffness(weak, given.stiffness, given.grip)
+
+
+@kernel
+def _gradient_error(system, state):
+    """Return how large rounding errors may make the gradient, as `gradient_noise` does, in J."""
+    return gradient_noise(system, state) * np.sqrt(dot(state.q, state.q) + bending_energy(system))
 
 
 @kernel

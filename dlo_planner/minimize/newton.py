@@ -624,8 +624,9 @@ def _most_give(hold, system, bend, span):
     if not may_forbid(system.effects):  # (which push as well, deep inside them as much)
         forces += _tension(hold)  # what is taut would miss its grip if that gave under so much
     stiff = bend * (np.sum(system.lengths) / span)
-    # (a force of 2 sqrt(EI k), k the stiffness per length of what draws it, buckles what is drawn)
-    drawn = inertial_stiffness(system.effects.anchor) * span**2
+    # (a column that inertia holds buckles under 2 sqrt(EI k), k its stiffness per length: a beam on
+    # an elastic foundation)
+    drawn = inertial_stiffness(system.effects.anchor) * span**3 / np.sum(system.lengths)
     return _GIVE * span**2 / (forces * span + stiff + 2.0 * np.sqrt(stiff * drawn))
 
 
