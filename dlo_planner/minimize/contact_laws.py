@@ -135,7 +135,9 @@ def contact_forces(law, iterations):
     size, count = law.free.size, law.friction.size
     rubs, change, bears = size > count, np.zeros(size), law.bears.copy()
     proximal = np.full(size, _SOFT / law.stiffness)
-    for i in range(size):  # (a DLO that is pressed along itself yields by far less than springs)
+    # A DLO that is pressed along itself yields by far less than springs. That it yields as little
+    # along itself to friction is so of all that is laid down: there springs find the better forces.
+    for i in law.first[:-1]:
         if law.compliance[i, i] < proximal[i]:
             proximal[i] = _SOFT * max(law.compliance[i, i], _HARDEST / law.stiffness)
     known, taken = _semismooth(law, proximal, _forces(law, change),
