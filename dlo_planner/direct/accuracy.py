@@ -87,6 +87,11 @@ def fine_enough(shape: Shape, accuracy: float) -> bool:
             _error_nearby(shape) if shape.contacts else shape.error_estimate) <= _ENOUGH * accuracy)
 
 
+def bears_otherwise(shape: Shape, accuracy: float) -> bool:
+    """Return whether a DLO of halved elements bears elsewhere, more than `accuracy` away."""
+    return bool(shape.contacts) and _error_nearby(shape) > accuracy
+
+
 def judged(shape: Shape, accuracy: float) -> Shape:
     """Return a Shape as it is if its error is at most `accuracy` (m), else not `converged`.
 

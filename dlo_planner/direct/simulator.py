@@ -523,7 +523,7 @@ class DirectSimulator(Value):
         if gripper is not None and not self.surroundings.pinned:  # (the DLO turns what pins it)
             goal = Grips(gripper, holds)
         solver = StepSolver(self._discretization, self._fine, self.accuracy, self._history,
-                            self.method, self.strains, goal)
+                            self.method, self.strains, goal, self._asked)
         if holds and have_rings(holds):
             from dlo_planner.direct.sliding import slid  # noqa: PLC0415  (no other DLO needs it)
             return partial(slid, solver)

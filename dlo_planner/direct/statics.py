@@ -22,6 +22,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from dlo_planner.direct.accuracy import (
+    bears_otherwise,
     fine_enough,
     fine_enough_to_bend,
     foreseen,
@@ -89,6 +90,7 @@ class StepSolver(NamedTuple):
     method: str
     strains: str
     goal: Grips | None = None  # where the step ends; a step to anywhere else is part of its way
+    promised: bool = False     # whether a shape that misses the accuracy counts as none
 
     def take(self, gripper: Pose, initial: Shape | None, holds: Holds = (),
              most: float = np.inf) -> Shape:
@@ -168,7 +170,8 @@ def _accurate(solver: StepSolver, gripper: Pose, initial: Shape | None, how: Ste
             better = foreseen(shape, accuracy, _DOUBTFUL)
         if better is None:
             kinked = shape.dissipated and mesh.basis != fine  # no series follows where it yields
-            if not kinked and fine_enough(shape, accuracy):
+            if not kinked and fine_enough(shape, accuracy) and not (
+                    solver.promised and bears_otherwise(shape, accuracy)):
                 return shape
             better = foreseen(shape, accuracy) if fine == 'local' else None
         if better is not None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes import CABLE, GRAVITY, HELD, SCENES, beyond_cones, deepest, drawn, unbalanced
-from dlo_planner import DirectSimulator, FarEnd, Plane, Pose
+from dlo_planner import Capsule, DirectSimulator, FarEnd, Plane, Pose
 from dlo_planner.direct import equilibrium, statics
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.discretization import even_mesh
@@ -195,3 +195,13 @@ def test_an_accuracy_is_that_of_where_it_has_landed():
     fallen = next(shape for shape in shapes if shape.jumped)
     estimate = fallen.state.estimate
     assert estimate.where_it_lies() < 1e-3 < estimate() == fallen.error_estimate
+
+
+def test_where_halved_elements_bear_elsewhere_the_mesh_is_made_finer():
+    # one Newton step, which leaves contacts where they are, takes 48 elements for enough
+    bar = Capsule((0.635063, -1, -0.0296483), (0.635063, 1, -0.0296483), 0.03, friction=0.2)
+    direct = DirectSimulator(CABLE, gravity=GRAVITY, accuracy=1e-4, obstacles=[
+        Plane((0, 0, -0.0647034), (0, 0, 1), friction=0.2), bar])
+    shape = direct.solve(Pose((0, 0, 0.02), (0, 0.359787, 0, 0.933035)), far_end=(0.95, 0, 0.02))
+    assert shape.converged and shape.contacts
+    assert shape.error_estimate < 1e-4
