@@ -171,7 +171,7 @@ def _accurate(solver: StepSolver, gripper: Pose, initial: Shape | None, how: Ste
         if better is None:
             kinked = shape.dissipated and mesh.basis != fine  # no series follows where it yields
             if not kinked and fine_enough(shape, accuracy) and not (
-                    solver.promised and bears_otherwise(shape, accuracy)):
+                    solver.promised and first.obstructed and bears_otherwise(shape, accuracy)):
                 return shape
             better = foreseen(shape, accuracy) if fine == 'local' else None
         if better is not None:
