@@ -337,7 +337,7 @@ _LANDING = 3.0
 _ROUGHLY = 32.0
 # times what the motion may gain of energy: the errors of steps twice as long, of second order
 _ROUGH_GAIN = 4.0
-_UNGUARDED = 1e12  # the same, where that tells nothing
+_UNGUARDED = 1e12  # the same, in effect without a limit
 # of the length: motions that are so far apart tell nothing of each other any more
 _PARTED = 0.25
 

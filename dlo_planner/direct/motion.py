@@ -209,8 +209,9 @@ class Motion(Filmed):
 
         From a second run with every element and every step halved, made when this is first read,
         of about half a second at most. What comes after that is compared with a run on elements and
-        by steps twice as long, which takes about a quarter of the time of the motion, and tells
-        less exactly: among obstacles it is twice that difference. `estimate_error` halves all.
+        by steps twice as long, which takes about a quarter of the time of the motion (among
+        obstacles it may be made twice, in some seconds), and tells less exactly: there it is
+        twice that difference. `estimate_error` halves all.
         A motion that begins at rest does so there, too: the error of a given Shape at rest is part
         of it. Where neither run could follow, or they part by a quarter of the length, as where a
         DLO may buckle to any side, it is twice the length: no shapes in one gripper are farther
