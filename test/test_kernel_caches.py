@@ -4,11 +4,13 @@
 
 import json
 import os
+import pickle
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
+import zlib
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -330,13 +332,13 @@ def test_a_second_installation_compiles_and_keeps_what_has_changed(copied):
 
 
 @pytest.mark.sweep
-def test_a_file_that_is_not_whole_is_not_used(used):
+def test_a_file_that_is_not_whole_or_holds_something_else_is_not_used(used):
     files = sorted(kept(used).iterdir())
     assert len(files) == len(KEPT)
     for k, path in enumerate(files):
         data = path.read_bytes()
-        path.write_bytes([data[:-9], b'', b'x' * 99, data[:200] + bytes([data[200] ^ 1])
-                          + data[201:], data[9:], data[::-1]][k % 6])
+        path.write_bytes([data[:-9], zlib.compress(pickle.dumps(7)), b'', b'x' * 99, data[9:],
+                          data[:200] + bytes([data[200] ^ 1]) + data[201:], data[::-1]][k % 7])
     values, found, compiled, _ = run(used)
     assert (values, found, compiled) == ([3.5, 0.0], [], ALL)
     assert run(used)[:3] == [[3.5, 0.0], KEPT, []]

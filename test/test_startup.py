@@ -189,3 +189,33 @@ def test_a_process_that_is_forked_beside_a_look_has_its_own_threads_of_blas():
     if told.startswith('set()'):
         pytest.skip('NumPy has another BLAS')
     assert told == '{2} {1} {2}'
+
+
+LOADING = """
+import os, signal, sys, threading
+from numba.core.compiler_lock import global_compiler_lock
+from dlo_planner import Pose, Rod, DirectSimulator
+import dlo_planner.kernels.dispatcher
+def hang():
+    rod = Rod.circular(0.5, 1e-3, 7850.0, 2e11, 0.3)
+    DirectSimulator(rod).solve(Pose.looking_along((0, 0, 0), (1, 0, 0)))
+loading, done = threading.Event(), threading.Event()
+def load():
+    with global_compiler_lock:
+        loading.set()
+        done.wait(0.5)
+thread = threading.Thread(target=load)
+thread.start()
+loading.wait()
+child = os.fork()
+if not child:
+    signal.alarm(60)
+    hang()
+    os._exit(0)
+thread.join()
+print(os.waitpid(child, 0)[1])
+"""
+
+
+def test_a_process_that_is_forked_while_kernels_are_loaded_computes():
+    assert printed(LOADING) == '0\n'

@@ -17,6 +17,7 @@ gives it afterwards. Before machine code that calls units is read, those are loa
 from __future__ import annotations
 
 import copy
+import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -29,6 +30,7 @@ import llvmlite.binding as llvm
 from numba.core import types
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher, OmittedArg
 from numba.core.registry import CPUDispatcher
 
@@ -40,6 +42,12 @@ _OPTIONS = {'nopython': True, 'boundscheck': None}  # those of numba.njit
 _SMALL = 100  # instructions of a kernel that is copied; LLVM inlines up to about 50
 
 KERNELS: dict[Callable[..., Any], Dispatcher] = {}  # all that have been decorated, by function
+
+if hasattr(os, 'register_at_fork'):
+    # a child has the thread alone that forked: what another one holds there is never given back
+    os.register_at_fork(before=global_compiler_lock.acquire,
+                        after_in_parent=global_compiler_lock.release,
+                        after_in_child=global_compiler_lock.release)
 
 
 class Unit(NamedTuple):
@@ -92,8 +100,9 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
     def load(self, kinds: tuple[Any, ...], target_context: Any) -> Any:
         """Return the same for a context that knows all of numba."""
         with suppress(Unseen):
-            for called, reduced in files.kept(key_of(self._kernel, kinds)):
+            for held in files.kept(key_of(self._kernel, kinds)):
                 with suppress(Exception):
+                    called, reduced = held
                     for one in called:
                         one.load()
                     result = CompileResult._rebuild(target_context, *reduced)
