@@ -370,3 +370,11 @@ def test_the_strategy_gives_up_where_looks_keep_disagreeing():
     back = ClosedLoop(5e-3, most_tries=0, phase=Phase.ENTER, since=0.0).advanced(1.0, doubted=True)
     assert back.phase is Phase.RETREAT  # not before it is out again
     assert back.advanced(2.0, finished=True).phase is Phase.STOP
+
+
+def test_the_strategy_enters_three_times_at_most():
+    loop = ClosedLoop(5e-3, at_standoff=True)
+    for goes_on in (Phase.LOOK, Phase.LOOK, Phase.STOP):
+        loop = replace(loop, phase=Phase.ENTER, since=0.0).advanced(1.0, doubted=True)
+        loop = loop.advanced(2.0, finished=True)
+        assert loop.phase is goes_on
