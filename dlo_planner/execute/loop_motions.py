@@ -71,6 +71,7 @@ _OF_SPARE = 0.6     # Motion may use this fraction of the room that the bound le
                     # the search takes long, and the motions it finds four times as long.
 _FOR_CORRECTIONS = 0.05  # Until the entry a bound may grow by this fraction of the room.
 LEAST_FOR_MOTION = 0.1  # This fraction of the room is kept for the DLO's deviation in motion.
+_MISSING = 0.05  # Probability with which an entry may miss, as `Estimate.miss` bounds it.
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
 _ALONG = 0.01       # rad; along the normal it passes within rounding, obliquely far beyond this.
 _OF_LIMITS = 0.95   # Motions are made for this fraction of the limits; corrections have the rest.
@@ -111,6 +112,8 @@ class LoopTask:
         cut-outs where it passes obliquely, or bends back to a sheet. Infinite: none is known yet.
     obliquely : bool or None
         Whether that plan passes one cut-out obliquely, see `ThreadLookedAt`. None: none is known.
+    given_up : int
+        How often an entry was given up because it might have missed.
 
     Raises
     ------
@@ -126,6 +129,7 @@ class LoopTask:
     most_off: float | None = None
     planned_room: float = np.inf
     obliquely: bool | None = None
+    given_up: int = 0
 
     def __post_init__(self) -> None:
         if not (self.touches or cutouts_of(self.task)):
@@ -217,6 +221,17 @@ class LoopTask:
 
     @property
     def room(self) -> float:
+        """By how much the DLO may miss a place with 95 % without touching a sheet, m.
+
+        Who tries until a bound is small enough finds a bound that is small by chance: with each
+        entry that was given up the next one may miss half as likely. What misses is normal in the
+        plane, so the radius of a probability p goes with sqrt(-ln p).
+        """
+        likely = _MISSING / 2**self.given_up
+        return self._free * float(np.sqrt(np.log(_MISSING) / np.log(likely)))
+
+    @cached_property
+    def _free(self) -> float:
         """By how much the DLO may miss a place without touching a sheet, m."""
         if self.touches and self.most_off is not None:
             return self.most_off

@@ -13,6 +13,7 @@ from oblique_plans import HOLE as LEVEL
 from oblique_plans import WIRE as SOFT
 from oblique_plans import Obliquely, oblique_plan
 from scipy.spatial.transform import Rotation
+from scipy.stats import rayleigh
 
 from dlo_planner import (
     Box,
@@ -575,6 +576,32 @@ def test_a_plan_is_judged_by_the_room_that_it_leaves(ways, bound):
     cell.until(lambda: cell.loop.phase is Phase.STOP)
     assert cell.loop.cause is Cause.MISS_EXPECTED
     assert 'expected at most 0.0009 m at rest, of the room of 0.001 m' in cell.loop.reason
+
+
+@pytest.mark.parametrize('given_up', [0, 1, 2])
+def test_with_each_entry_that_is_given_up_the_next_may_miss_half_as_likely(given_up):
+    room = replace(task(), given_up=given_up).room
+    deviation = room / rayleigh.ppf(0.95)  # of a miss with this 95 % bound, along each axis
+    assert rayleigh.sf(task().room, scale=deviation) == pytest.approx(0.05 / 2**given_up)
+
+
+@pytest.mark.parametrize(('share', 'phase'), [(0.88, Phase.ENTER), (0.95, Phase.STOP)])
+def test_who_went_back_because_of_the_miss_enters_with_a_smaller_one(ways, share, phase):
+    cell = Cell(ways).entering()
+    room, entry = cell.loop._task.room, cell.loop._entry
+    assert cell.loop._task.given_up == 0
+    cell.plans = [replace(entry, bound=share * room - 7e-4)] * 8  # 7e-4: motion, the standoff
+    begun = cell.time
+    cell.until(lambda: cell.time > begun + 1.0)
+    cell.loop._corrected_bound = lambda *_: 1.01 * room
+    cell.until(lambda: cell.loop.phase is Phase.RETREAT and cell.loop.work)
+    del cell.loop._corrected_bound
+    cell.loop.finish(cell.loop.work, cell.loop.work())
+    cell.until(lambda: cell.loop.phase in (Phase.ENTER, Phase.STOP))
+    assert cell.loop.phase is phase
+    if phase is Phase.STOP:
+        assert cell.loop.cause is Cause.MISS_EXPECTED
+        assert f'the room of {0.9012 * room:.3g} m, which is smaller' in cell.loop.reason
 
 
 # ---- other tasks than one cut-out --------------------------------------------------------------
