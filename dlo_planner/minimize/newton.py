@@ -118,7 +118,7 @@ _LEAN = 1e-5         # rad, of a DLO that is about to fall
 _ALIKE = 0.5         # of the lower side's fall: a side that falls by more is as good
 # near its end
 _FEW = 8             # steps in which what is near has to be found
-_LESS = 0.5          # of the residual: what a step leaves of it at most
+_LESS = 0.5          # of the residual: what a step leaves of it at most; held, of the step before
 _QUICK = 0.05        # the same, or the Hessian is renewed
 _ROUNDED = 10.0      # tolerances: what a step does not make less there is rounding
 _SETTLED = 1e-9      # of the decrement: the same, where inertia is stiff
@@ -137,9 +137,9 @@ _MOST_PROXIMAL = 1e-7  # the same, far from the equilibrium
 _ALIKE_STIFF = 1e-9  # stiffnesses that differ by less are the same
 _NEARER = 0.1        # of a step: how much nearer it has to come where the potential does not tell
 _ROUGH = 1e-3        # tolerance of the residual, and of the length, on the way to a target
-# The same as _NEXT_HELD, _LESS and _MISSED of what is near after parts of a way: their end is only
-# where the next one begins. A first step leaves of the residual what the square of its way does
-_NEXT_PART, _GROWS, _MISSED_PART = 1.5, 3.0, 0.25
+# The same as _NEXT_HELD and _MISSED of what is near after parts of a way: their end is only where
+# the next one begins
+_NEXT_PART, _MISSED_PART = 1.5, 0.25
 _SOON = 3            # steps: what is found so soon may be sought twice as far away
 _PER_PART = 60       # Newton steps in a part of the way: more is no way
 
@@ -158,10 +158,7 @@ class Options(Record):
     # by how much any node may turn in all steps together, rad, in a search for what is near;
     # infinite: it may be anywhere
     reach: float
-    # what each of its steps may leave of the residual, and by how much a grip may be missed, of the
-    # span, at most
-    contraction: float
-    missed: float
+    missed: float  # by how much a grip may be missed there, of the span
     # by how much a node may turn before the Hessian of such a search is factorized again, rad
     max_age: float
     nodes: Ints  # (k,) nodes that are looked at; empty: it may go anywhere
@@ -175,8 +172,8 @@ class Options(Record):
 @kernel
 def thorough(gtol, ctol, maxiter, check, gauss_newton):
     """Return the Options of a search with all its guards."""
-    return Options(gtol, ctol, maxiter, check, False, False, gauss_newton, np.inf, _LESS, _MISSED,
-                   0.0, np.empty(0, dtype=np.int64), np.empty((0, 3, 3)), np.inf)
+    return Options(gtol, ctol, maxiter, check, False, False, gauss_newton, np.inf, _MISSED, 0.0,
+                   np.empty(0, dtype=np.int64), np.empty((0, 3, 3)), np.inf)
 
 
 @kernel
@@ -322,7 +319,8 @@ def newton_descent(system: Problem, q: Floats, options: Options,
     energy, noise = evaluate(system, state)
     mode, stability = work.correction, np.nan
     shift, shifted = least, np.inf  # the second: that of the last factorization
-    age, way, contraction = np.inf, 0.0, np.inf  # rad since that, rad in all, of the last step
+    # rad since that, rad in all, of the last step, and its rad
+    age, way, contraction, last = np.inf, 0.0, np.inf, np.inf
     iterations = obstructed = idle = 0
     stalled = leans = False
     worked = np.zeros(1)
@@ -414,7 +412,11 @@ def newton_descent(system: Problem, q: Floats, options: Options,
             evaluate(system, trial)
             left = constraint_value(hold, trial, miss)
             contraction = (relative(trial, bend) + left / length) / (residual + missed / length)
-            if contraction < options.contraction and way < options.reach:
+            # what is taut resists what steps leave of their way by forces that say nothing of it:
+            # held, the next step tells (Deuflhard's natural monotonicity)
+            falls = turn < _LESS * last if held else contraction < _LESS
+            last = turn
+            if falls and way < options.reach:
                 state, trial = trial, state
             elif not held and (residual < _ROUNDED * gtol or decrement < _SETTLED):
                 told, stalled = decrement, True
@@ -756,8 +758,8 @@ def follow_homotopy(system: Problem, displaced: Any, q: Floats, bases: Floats, t
     forces, before = hold.multiplier.copy(), np.empty_like(hold.multiplier)
     length = shortest_span(hold, system.lengths)
     guarded = thorough(_ROUGH, _ROUGH * length, _PER_PART, length < 0.0, length < 0.0)
-    near = replaced(guarded, 'maxiter', _FEW, 'reach', _NEXT_PART, 'contraction', _GROWS,
-                    'missed', _MISSED_PART, 'max_age', _SAME)
+    near = replaced(guarded, 'maxiter', _FEW, 'reach', _NEXT_PART, 'missed', _MISSED_PART,
+                    'max_age', _SAME)
     worked, near_work = np.zeros(1), new_workspace(springless)
     kept_apart = may_forbid(system.effects) or strands_may_forbid(system.effects.strands)
     gone, parts, steps, state = 0, 1, 0, near_work.state
