@@ -13,7 +13,6 @@ from collections.abc import Callable
 import numpy as np
 
 from dlo_planner.direct.discretization import Discretization, Memory
-from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.holds import Holds
 from dlo_planner.model.pose import Pose
@@ -25,13 +24,13 @@ _SLACK = 0.05
 
 
 def coarsely(mesh: Discretization, gripper: Pose, holds: Holds, memory: Memory, parts: int,
-             led: Callable[[Discretization], Shape],
+             led: Callable[[Discretization], tuple[Pose, Floats, Memory, bool]],
              ) -> tuple[Pose, Floats, Memory, bool] | None:
     """Return gripper, strains (N, 3) and the past of a DLO near its shape; None if none is found.
 
     `led` leads it there from its natural shape on a coarser mesh, in as many `parts` as it would be
-    here, and returns its Shape. Only where the gripper clamps the DLO, one grip holds its tip,
-    some of it is slack, and nothing is varied or yields.
+    here, and returns as much and whether it has arrived. Only where the gripper clamps the DLO, one
+    grip holds its tip, some of it is slack, and nothing is varied or yields.
     """
     coarse = mesh.coarser
     if (coarse is None or parts < _FEW or holds[0].s is not None
@@ -39,12 +38,7 @@ def coarsely(mesh: Discretization, gripper: Pose, holds: Holds, memory: Memory, 
             or np.linalg.norm(holds[0].pose.position - gripper.position)
             > (1 - _SLACK) * mesh.s[-1]):
         return None
-    shape = led(coarse)
-    if not shape.converged:
+    _, strains, past, arrived = led(coarse)
+    if not arrived:
         return None
-    strains = np.array(shape.element_strains)
-    middles, wanted = (0.5 * (s[1:] + s[:-1]) for s in (coarse.s, mesh.s))
-    of = np.searchsorted(coarse.s, wanted) - 1  # the element in which each finer one lies
-    slopes = np.gradient(strains, middles, axis=0)
-    strains = strains[of] + (wanted - middles[of])[:, None] * slopes[of]
-    return gripper, strains, changed(memory, hold=shape.state.left.hold), True
+    return gripper, mesh.prolongation @ strains, changed(memory, hold=past.hold), True

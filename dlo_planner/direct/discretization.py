@@ -638,9 +638,8 @@ class Discretization(Value):
 
     def grip_rows(self, holds: Holds, axes: Floats) -> Floats:
         """Return (n, K, 6) what Holds hold at n times rotations (n, A, 3, 3), all in m."""
-        rows = np.array([np.concatenate([
-            held_rows(hold.grip, one) for hold, one in zip(holds, each, strict=True)])
-            for each in axes])
+        rows = np.concatenate([held_rows(hold.grip, axes[:, k]) for k, hold in enumerate(holds)],
+                              axis=1)
         rows[:, :, :3] *= self.lever
         return rows
 
@@ -812,6 +811,23 @@ class Discretization(Value):
             return None
         kept = np.round(np.linspace(0, count, _COARSE + 1)).astype(int)
         return Discretization(self.surroundings, self.s[kept], 'local', 0)
+
+    @cached_property
+    def restriction(self) -> Floats:
+        """(16, N): times strains on this mesh they are averaged over elements of the `coarser`."""
+        assert self.coarser is not None
+        return mapped(self.s, np.eye(self.s.size - 1), self.coarser.s)
+
+    @cached_property
+    def prolongation(self) -> Floats:
+        """(N, 16): times strains on the `coarser` mesh they are as linear here between elements."""
+        assert self.coarser is not None
+        middles, wanted = (0.5 * (s[1:] + s[:-1]) for s in (self.coarser.s, self.s))
+        of = np.searchsorted(self.coarser.s, wanted) - 1  # the element in which each finer one lies
+        one = np.eye(middles.size)
+        result: Floats = one[of] + (wanted - middles[of])[:, None] * np.gradient(
+            one, middles, axis=0)[of]
+        return result
 
     @cached_property
     def local(self) -> Discretization:

@@ -31,7 +31,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import penetration
 from dlo_planner.energy.potential import configuration_at
-from dlo_planner.geometry.so3 import partway
+from dlo_planner.geometry.so3 import turns_between
 from dlo_planner.minimize.newton import follow_homotopy
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.holds import FarEnd, Hold, Holds, posed
@@ -104,10 +104,9 @@ def set_down(mesh: Discretization, strains: Floats, goal: Grips, memory: Memory,
     bare = firm.within(replace(firm.surroundings, obstacles=())) if amid else firm
     past = bare.past(memory)
 
-    def led(coarse: Discretization) -> Shape:
-        far = _follow_way(coarse, coarse.strains_from(mesh.s, strains), begin, goal, coarse.start,
-                          parts, False)
-        return equilibrium(coarse, far.gripper, far.strains, far.memory, holds)
+    def led(coarse: Discretization) -> Predictor:
+        return _follow_way(coarse, mesh.restriction @ strains, begin, goal, coarse.start, parts,
+                           False, True)
 
     gripper, strains, past, _ = (
         _taut_shape(bare, gripper, holds, past, settled)
@@ -150,49 +149,54 @@ def _parts_between(begin: Grips, goal: Grips, length: float) -> int:
 
 
 def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
-                parts: int, culled: bool) -> Predictor:
+                parts: int, culled: bool, whole: bool = False) -> Predictor:
     """Return where the search begins near the end of a straight way of all grips together.
 
-    What is left is the last part. Where the DLO does not follow, the way is left there.
+    What is left is the last part, unless it goes the `whole` way. Where the DLO does not follow
+    the way is left there; then a whole one is not clear.
     """
     holds, first, last, done = goal.holds, begin.gripper, goal.gripper, 0.0
     for finer in range(_FINEST):
         count = int(np.ceil(parts * _FINER**finer * (1.0 - done) - 1e-9))
-        if count <= 1:
+        if count <= 1 and not whole:
             break
-        shares = done + (1.0 - done) * np.arange(1, count) / count
+        shares = done + (1.0 - done) * np.arange(1, count + whole) / count
         gripped, bases = _way(first, last, shares)
-        held_at, axes = (np.empty((count - 1, len(holds), 3)),
-                         np.empty((count - 1, len(holds), 3, 3)))
+        held_at, axes = (np.empty((shares.size, len(holds), 3)),
+                         np.empty((shares.size, len(holds), 3, 3)))
         there: Holds = ()
         for k, (one, other) in enumerate(zip(begin.holds, holds, strict=True)):
             held_at[:, k], axes[:, k] = _way(one.pose, other.pose, shares)
             there += posed(other, Pose.from_rotation(held_at[0, k], axes[0, k])),
         system = mesh.system(bases[0], gripped[0], memory, there, culled=culled)
+        displaced = (mesh.held if culled else mesh.full).needs.displaced
         targets, rows = held_at - gripped[:, None], mesh.grip_rows(holds, axes)
         q = mesh.unknowns(strains)
         if mesh.surroundings.pinned:
             bases[:] = system.base
-            q, gone = uninterrupted(follow_homotopy(
-                with_hinge(system), hinge_unknowns(system, q), bases, targets, axes, rows))
+            q, forces, gone = uninterrupted(follow_homotopy(
+                with_hinge(system), displaced, hinge_unknowns(system, q), bases, targets, axes,
+                rows))
             first, last = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
                            for pose in (first, last))
             q = own_unknowns(system, q)
         else:
-            q, gone = uninterrupted(follow_homotopy(
-                system, q, bases, targets, axes, rows))
+            q, forces, gone = uninterrupted(follow_homotopy(
+                system, displaced, q, bases, targets, axes, rows))
         strains = mesh.strains_of(q)
-        memory = changed(memory, hold=system.hold.multiplier)
+        memory = changed(memory, hold=forces)
         if gone == len(shares):
             break
         done = shares[gone - 1] if gone else done
+    else:  # (of what is to come near alone it does not matter)
+        return Predictor(last, strains, memory, not whole)
     return Predictor(last, strains, memory)
 
 
 def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:
     """Return positions (n, 3) and rotations (n, 3, 3) at shares (n,) of a straight way."""
-    turned = [partway(one.rotation, other.rotation, share) for share in shares.tolist()]
-    return one.position + shares[:, None] * (other.position - one.position), np.array(turned)
+    return (one.position + shares[:, None] * (other.position - one.position),
+            turns_between(one.rotation, other.rotation, shares))
 
 
 def _taut_shape(mesh: Discretization, gripper: Pose, holds: Holds, memory: Memory,

@@ -280,6 +280,12 @@ def roundoff(effect, system, state, length):
 
 
 @kernel
+def may_forbid(effect):
+    """Whether strands are kept off each other."""
+    return False if effect is None else effect.strand_radius.size > 0
+
+
+@kernel
 def forbids(effect, system, before, after):
     """Whether a strand passes through another on the way between two states, or nearly does."""
     if effect is None:

@@ -404,6 +404,15 @@ def partway(one: Floats, other: Floats, fraction: float) -> Floats:
     return frame
 
 
+@kernel
+def turns_between(one: Floats, other: Floats, fractions: Floats) -> Floats:
+    """Return (n, 3, 3) what `partway` does at n fractions."""
+    frames = np.empty((fractions.size, 3, 3))
+    for k in range(fractions.size):
+        frames[k] = partway(one, other, fractions[k])
+    return frames
+
+
 def turn_between(one: Floats, other: Floats) -> Floats:
     """Return the rotation vector (3,), rad, in world axes, from one frame (3, 3) to another."""
     turn = cast(Matrix, tuple((other @ one.T).ravel().tolist()))

@@ -36,7 +36,7 @@ which keeps its factorization), and what is not quite so simple is given up.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,6 +57,7 @@ from dlo_planner.energy.problem import (
     is_to_end,
     new_configuration,
 )
+from dlo_planner.energy.strands import may_forbid as strands_may_forbid
 from dlo_planner.energy.strands import pushes_out
 from dlo_planner.energy.terms import forbids, may_forbid, row_count
 from dlo_planner.geometry.kinematics import carried_frames, trace_of_product
@@ -117,7 +118,7 @@ _LEAN = 1e-5         # rad, of a DLO that is about to fall
 _ALIKE = 0.5         # of the lower side's fall: a side that falls by more is as good
 # near its end
 _FEW = 8             # steps in which what is near has to be found
-_LESS = 0.5          # of the residual: what a step leaves of it at most
+_LESS = 0.5          # of the residual: what a step leaves of it at most; held, of the step before
 _QUICK = 0.05        # the same, or the Hessian is renewed
 _ROUNDED = 10.0      # tolerances: what a step does not make less there is rounding
 _SETTLED = 1e-9      # of the decrement: the same, where inertia is stiff
@@ -136,6 +137,10 @@ _MOST_PROXIMAL = 1e-7  # the same, far from the equilibrium
 _ALIKE_STIFF = 1e-9  # stiffnesses that differ by less are the same
 _NEARER = 0.1        # of a step: how much nearer it has to come where the potential does not tell
 _ROUGH = 1e-3        # tolerance of the residual, and of the length, on the way to a target
+# The same as _NEXT_HELD and _MISSED of what is near after parts of a way: their end is only where
+# the next one begins
+_NEXT_PART, _MISSED_PART = 1.5, 0.25
+_SOON = 3            # steps: what is found so soon may be sought twice as far away
 _PER_PART = 60       # Newton steps in a part of the way: more is no way
 
 
@@ -153,6 +158,7 @@ class Options(Record):
     # by how much any node may turn in all steps together, rad, in a search for what is near;
     # infinite: it may be anywhere
     reach: float
+    missed: float  # by how much a grip may be missed there, of the span
     # by how much a node may turn before the Hessian of such a search is factorized again, rad
     max_age: float
     nodes: Ints  # (k,) nodes that are looked at; empty: it may go anywhere
@@ -166,7 +172,7 @@ class Options(Record):
 @kernel
 def thorough(gtol, ctol, maxiter, check, gauss_newton):
     """Return the Options of a search with all its guards."""
-    return Options(gtol, ctol, maxiter, check, False, False, gauss_newton, np.inf, 0.0,
+    return Options(gtol, ctol, maxiter, check, False, False, gauss_newton, np.inf, _MISSED, 0.0,
                    np.empty(0, dtype=np.int64), np.empty((0, 3, 3)), np.inf)
 
 
@@ -313,7 +319,8 @@ def newton_descent(system: Problem, q: Floats, options: Options,
     energy, noise = evaluate(system, state)
     mode, stability = work.correction, np.nan
     shift, shifted = least, np.inf  # the second: that of the last factorization
-    age, way, contraction = np.inf, 0.0, np.inf  # rad since that, rad in all, of the last step
+    # rad since that, rad in all, of the last step, and its rad
+    age, way, contraction, last = np.inf, 0.0, np.inf, np.inf
     iterations = obstructed = idle = 0
     stalled = leans = False
     worked = np.zeros(1)
@@ -327,7 +334,7 @@ def newton_descent(system: Problem, q: Floats, options: Options,
         noisy = gradient_noise(system, state) if held else 0.0
         converged = missed <= ctol and residual < max(gtol, noisy)
         arrived = converged or stalled or iterations >= options.maxiter
-        if near and (missed > _MISSED * length or arrived
+        if near and (missed > options.missed * length or arrived
                      and (noisy > BLURRED or not (converged or stalled))):
             residual = np.inf
             break
@@ -405,7 +412,11 @@ def newton_descent(system: Problem, q: Floats, options: Options,
             evaluate(system, trial)
             left = constraint_value(hold, trial, miss)
             contraction = (relative(trial, bend) + left / length) / (residual + missed / length)
-            if contraction < _LESS and way < options.reach:
+            # what is taut resists what steps leave of their way by forces that say nothing of it:
+            # held, the next step tells (Deuflhard's natural monotonicity)
+            falls = turn < _LESS * last if held else contraction < _LESS
+            last = turn
+            if falls and way < options.reach:
                 state, trial = trial, state
             elif not held and (residual < _ROUNDED * gtol or decrement < _SETTLED):
                 told, stalled = decrement, True
@@ -725,26 +736,61 @@ def _height(system, state, trial, step, mode):
 
 
 @kernel
-def follow_homotopy(system: Problem, q: Floats, bases: Floats, targets: Floats, axes: Floats,
-        rows: Floats) -> tuple[Floats, int]:
-    """Return unknowns (m, 3) where all grips have gone a way of n parts, and the parts gone.
+def follow_homotopy(system: Problem, displaced: Any, q: Floats, bases: Floats, targets: Floats,
+                    axes: Floats, rows: Floats) -> tuple[Floats, Floats, int]:
+    """Return unknowns (m, 3) and multipliers (K,) where all grips have gone a way of n parts.
 
-    The Problem's multipliers are moved; `bases` of the gripper, the others of HoldRows.
-    Shapes: bases (n, 3, 3), targets (n, A, 3), axes (n, A, 3, 3), rows (n, K, 6).
+    And how many of these they have gone. What is near after a part, or several, is sought without
+    the springs of grips, which would press the DLO by as much as it has to go; where it is not
+    near, as where the DLO buckles, with all guards.
+
+    Args:
+        system: Problem of the DLO at the beginning; `displaced`: that of its Structure without
+            springs of grips
+        bases: (n, 3, 3) of the gripper
+        targets, axes, rows: of HoldRows, (n, A, 3), (n, A, 3, 3), (n, K, 6)
     """
-    length = shortest_span(system.effects.hold, system.lengths)
-    options = thorough(_ROUGH, _ROUGH * length, _PER_PART, length < 0.0, length < 0.0)
-    worked = np.zeros(1)
-    for part in range(bases.shape[0]):
+    hold = system.effects.hold
+    springless = replaced(
+        system, 'effects', replaced(system.effects, 'hold', replaced(
+            hold, 'stiffness', 0.0, 'turn_stiffness', 0.0)),
+        'needs', replaced(system.needs, 'displaced', displaced))
+    forces, before = hold.multiplier.copy(), np.empty_like(hold.multiplier)
+    length = shortest_span(hold, system.lengths)
+    guarded = thorough(_ROUGH, _ROUGH * length, _PER_PART, length < 0.0, length < 0.0)
+    near = replaced(guarded, 'maxiter', _FEW, 'reach', _NEXT_PART, 'missed', _MISSED_PART,
+                    'max_age', _SAME)
+    worked, near_work = np.zeros(1), new_workspace(springless)
+    kept_apart = may_forbid(system.effects) or strands_may_forbid(system.effects.strands)
+    gone, parts, steps, state = 0, 1, 0, near_work.state
+    while gone < bases.shape[0]:
         if is_to_end(worked, system, 4):
-            return q, part
-        hold = replaced(system.effects.hold, 'target', targets[part], 'axes', axes[part],
-                        'rows', rows[part])
-        regripped = replaced(system, 'base', bases[part],
-                             'effects', replaced(system.effects, 'hold', hold))
-        state, _, _, _, _, _, missed = newton_descent(regripped, q, options,
-                                                      new_workspace(regripped))
-        if not missed <= _LEFT * length:
-            return q, part
-        q = state.q
-    return q, bases.shape[0]
+            break
+        k = min(gone + parts, bases.shape[0]) - 1
+        before[:], residual = forces, np.inf
+        if not kept_apart:  # what is in the way is looked at on the steps of the other search alone
+            state, residual, _, steps, _, _, _ = newton_descent(
+                _regripped(springless, bases[k], targets[k], axes[k], rows[k], forces), q, near,
+                near_work)
+        if residual < np.inf:
+            parts *= 2 if steps <= _SOON else 1
+        else:
+            forces[:] = before
+            if parts > 1:
+                parts = 1
+                continue
+            state, _, _, _, _, _, missed = newton_descent(
+                _regripped(system, bases[k], targets[k], axes[k], rows[k], forces), q, guarded,
+                new_workspace(system))
+            if not missed <= _LEFT * length:
+                break
+        gone, q = k + 1, state.q.copy()
+    return q, forces, gone
+
+
+@kernel
+def _regripped(system, base, target, axes, rows, multiplier):
+    """Return the Problem of a DLO whose grips are elsewhere, with these forces (K,)."""
+    hold = replaced(system.effects.hold, 'target', target, 'axes', axes, 'rows', rows,
+                    'multiplier', multiplier)
+    return replaced(system, 'base', base, 'effects', replaced(system.effects, 'hold', hold))

@@ -183,18 +183,16 @@ def held_rows(grip: str, rotation: Floats) -> Floats:
 
     World axes. If the grip allows one about or along the pose's x axis, its y and z axes remain.
 
-    Shapes: rotation (3, 3).
+    Shapes: rotation (..., 3, 3); then (..., K, 6) are returned.
     """
-    grip = RINGS.get(grip, grip)
-    if grip == 'clamped':
-        return _ALL.copy()
-    if grip == 'pinned':
-        return _ALL[3:].copy()
-    rows = np.zeros((5, 6))
+    grip, many = RINGS.get(grip, grip), rotation.shape[:-2]
+    if grip in ('clamped', 'pinned'):
+        return np.tile(_ALL if grip == 'clamped' else _ALL[3:], (*many, 1, 1))
+    rows, across = np.zeros((*many, 5, 6)), np.swapaxes(rotation, -1, -2)[..., 1:, :]
     if grip == 'aligned':
-        rows[:2, :3], rows[2:, 3:] = rotation.T[1:], _ALL[3:, 3:]
+        rows[..., :2, :3], rows[..., 2:, 3:] = across, _ALL[3:, 3:]
     else:
-        rows[:3, :3], rows[3:, 3:] = _ALL[:3, :3], rotation.T[1:]
+        rows[..., :3, :3], rows[..., 3:, 3:] = _ALL[:3, :3], across
     return rows
 
 

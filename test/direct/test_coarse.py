@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, FarEnd, Hold, Pose, Rod
-from dlo_planner.direct import placement
+from dlo_planner.direct import equilibrium, placement
 
 COUNT = 16
 
@@ -50,6 +50,33 @@ def test_they_are_those_of_the_way_on_the_mesh_itself(tried, monkeypatch):
         known = direct.solve(gripper, far_end=end)
         assert shape.converged and known.converged
         np.testing.assert_allclose(shape.positions_at(known.s), known.positions, atol=1e-6)
+
+
+def test_nothing_but_the_way_is_sought_on_the_coarse_mesh(monkeypatch):
+    sought = []
+
+    def counted(mesh, *arguments):
+        sought.append(mesh.s.size - 1)
+        return solution(mesh, *arguments)
+
+    solution = equilibrium.solution
+    monkeypatch.setattr(equilibrium, 'solution', counted)
+    rng = np.random.default_rng(5)
+    for k in range(COUNT):
+        direct, gripper, end = given(rng, 2 * k + 1)  # of 64 elements
+        assert direct.solve(gripper, far_end=end).converged
+    assert set(sought) == {64}
+    assert len(sought) < 1.25 * COUNT  # what the way led to is near, mostly
+
+
+def test_strains_go_to_the_coarse_mesh_and_back():
+    mesh = DirectSimulator(Rod(1.0, 0.05, 0.02, 0.015), n_elements=64,
+                           basis='local').mesh
+    middles, wanted = (0.5 * (s[1:] + s[:-1]) for s in (mesh.s, mesh.coarser.s))
+    linear = np.outer(middles, [1.0, -2.0, 0.5]) + 3.0
+    coarse = np.outer(wanted, [1.0, -2.0, 0.5]) + 3.0
+    np.testing.assert_allclose(mesh.restriction @ linear, coarse, atol=1e-14)
+    np.testing.assert_allclose(mesh.prolongation @ coarse, linear, atol=1e-13)
 
 
 def test_what_a_coarse_mesh_does_not_show_is_sought_on_the_mesh_itself(tried):

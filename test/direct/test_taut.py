@@ -9,7 +9,7 @@ import pytest
 from references.kirchhoff import true_held_rod
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, FarEnd, PointLoad, Pose, Rod
+from dlo_planner import DirectSimulator, FarEnd, Hold, PointLoad, Pose, Rod
 from dlo_planner.direct import taut
 
 
@@ -112,3 +112,23 @@ def test_a_mesh_too_coarse_for_the_slack_is_named():
     finer = DirectSimulator(rod, basis='local', n_elements=int(named[1]))
     assert finer.solve(gripper, far_end=end).status == 'converged'
     assert DirectSimulator(rod).solve(gripper, far_end=end).status == 'converged'
+
+
+@pytest.mark.parametrize('slack', [1e-3, 1e-4, 3e-5])
+def test_a_taut_dlo_is_near_though_it_resists_by_large_forces(slack):
+    # a step that leaves little of its way leaves forces larger than all that were there before
+    rod = Rod(1.0, 0.05, 0.02, 0.015, radius=3e-3)
+    simulator = DirectSimulator(rod, n_elements=64, basis='local')
+
+    def place(x):
+        return Pose.looking_along((x, 0, 0), (1, 0, 0))
+
+    def end(slack):
+        return FarEnd(place(1 - slack), 'pinned')
+
+    holds = [Hold(place(0.4 * (1 - slack)), 'pinned', 0.4)]
+    shape = simulator.solve(place(0), holds=holds, far_end=end(slack))
+    for by in (0.02, 0.1):  # of the slack
+        there = simulator.solve(place(0), shape, holds=holds, far_end=end((1 - by) * slack))
+        assert there.converged
+        assert [(one.strategy, one.end) for one in there.tried] == [('near', 'found')]

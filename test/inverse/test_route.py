@@ -356,14 +356,16 @@ def test_ways_aside_that_begin_alike_are_gone_once(monkeypatch):
 def test_a_way_whose_corners_are_rounded_into_what_stands_ahead_has_closer_waypoints(monkeypatch):
     asked, tops = [], []
 
-    def refuses(context, grips, demands, stops=(), known=(), led=route.led):
+    def refuses(context, grips, demands, stops=(), known=(), ends=None, led=route.led):
         if stops:
             asked.append([one.gripper for one in grips])
             tops.append(asked[-1][stops[0]])
             assert len(known) == (3 if len(asked) > 1 else stops[0] + 1)
             if len(asked) < 3:
-                raise Infeasible('on the way there', 4, 'clearance', 1e-5, None)
-        return led(context, grips, demands, stops, known=known)
+                # one waypoint more on the way to the third of the grips: the fifth is meant
+                ends += [1, 2, *range(4, len(grips) + 2)]
+                raise Infeasible('on the way there', 5, 'clearance', 1e-5, None)
+        return led(context, grips, demands, stops, known=known, ends=ends)
     monkeypatch.setattr(route, 'led', refuses)
     plan = planned(Route([replace(CLIP, push=0.5)], far_end=PLUG))
     first, second, third = map(len, asked)

@@ -62,12 +62,12 @@ def limit(name: str, value: object) -> float | None:
 
 def led(context: PlanContext, grips: Sequence[Grips], demands: PlanChecker,
         stops: Collection[int] = (), first: Shape | None = None,
-        known: Sequence[Shape] = ()) -> Plan:
+        known: Sequence[Shape] = (), ends: list[int] | None = None) -> Plan:
     """Return the Plan of a DLO that is led straight through n Grips, or raise Infeasible.
 
     The first Shape is found from `first`, or naturally. `known` are the Shapes at the first of the
     Grips where they are known, each tracked from the one before. Where the DLO is hardly stable
-    there are more waypoints than Grips.
+    there are more waypoints than Grips: `ends` is given how many there are up to each of these.
     """
     branch = GivenPoses(context.simulator.without_obstacles(), [one.gripper for one in grips],
                         [one.holds for one in grips])
@@ -86,6 +86,8 @@ def led(context: PlanContext, grips: Sequence[Grips], demands: PlanChecker,
                 raise refused
             builder.add(Waypoint(shape))
         before = found[-1]
+        if ends is not None:
+            ends.append(len(builder.waypoints))
         if index in stops:
             builder.stop()
     return builder.finished()

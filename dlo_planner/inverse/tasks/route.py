@@ -15,6 +15,7 @@ clip holds another one, it turns the DLO as it closes.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import product
@@ -929,12 +930,12 @@ class _Routing:
         self._pressed_by = max(pulls)
         top, known = grips[len(found) - 1], found
         for left in reversed(range(_CLOSER)):
-            stop = next(k for k, one in enumerate(grips) if one is top)
+            stop, ends = next(k for k, one in enumerate(grips) if one is top), list[int]()
             try:
-                plan = led(self._context, grips, self._silent, (stop,), known=known)
+                plan = led(self._context, grips, self._silent, (stop,), known=known, ends=ends)
                 break
             except Infeasible as error:
-                at = error.waypoint
+                at = bisect_right(ends, error.waypoint)  # among the grips, the one on the way to
                 if error.constraint != 'clearance' or not left or not 0 < at < len(grips):
                     raise again(error, f'press {name}: ') from None
                 # Each step was looked at as a straight one; the trajectory rounds the corners
