@@ -563,6 +563,7 @@ class _EnergyBudget:
         self.budget = np.array([first.balance, *first.row.energies[[STATIC, STATIC, KINETIC]],
                                 first.balance])
         self.began = first.balance
+        self.touched = len(first.row.contacts) > 0  # or has since the motion began
         self.part, self.guarded = times * _GAIN, times < _UNGUARDED
         # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
         self.noise = times * KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
@@ -585,8 +586,9 @@ class _EnergyBudget:
         # (of so many halvings or more: 1.5 is between the lengths of two levels, 1 and 2)
         damps = self.guarded and scheme.dt < 1.5 * self._stepper.dt / (1 << _DAMPING)
         batch = self._stepper.steps(now, (), places, scheme, Acceptance(
-            part=self.part, noise=self.limit, budget=self.budget, began=self.began, damps=damps))
-        self.budget = batch.budget
+            part=self.part, noise=self.limit, budget=self.budget, began=self.began, damps=damps,
+            touched=self.touched))
+        self.budget, self.touched = batch.budget, batch.touched
         return batch
 
 
@@ -683,14 +685,15 @@ class _StepControl:
                      else plan.tolerance)
         limits = Acceptance(
             MAX_ITERATIONS if patient else _PATIENCE, error, _BEARING * error, reach, energy.part,
-            energy.limit, energy.budget, energy.began, damps)
+            energy.limit, energy.budget, energy.began, damps, energy.touched)
         size = 1 << (HALVINGS - level)
         count = min(most, self._length(size))
         places = (self._at + size * np.arange(1, count + 1)) / (1 << HALVINGS)
         batch = stepper.steps(now, self._past, places, scheme, limits)
         made = len(batch.errors)
         if made:
-            self.now, self._past, energy.budget = batch.last, batch.past, batch.budget
+            self.now, self._past = batch.last, batch.past
+            energy.budget, energy.touched = batch.budget, batch.touched
             self._energy = energy
             self._at += made * size
             self._steps += [level] * made

@@ -79,6 +79,10 @@ _LANDING = 1e-6      # of the length: what comes nearer to an obstacle by more i
 _GRAZING = 0.02      # rad: so it may come nearer where it slides along what is curved
 _OF_WAY = 0.04       # of the way of a step where the DLO bears: what its error may be
 _EXACT = 1e-4        # relative error of an eigenvalue
+# At so many places at most a DLO that bears may be pressed in by no more than so many times the
+# depth aimed at: one that is pressed along itself would be pushed out in the next step by forces of
+# any size, with energy that nobody gave. On many it yields, and a depth of `kept` is gone soon.
+_FEW, _PRESSED = 3, 100.0
 # Pairs of strands are watched that may come to bear in a step: as far as both can move, with so
 # many times the speed that they have, and as near as that, of the radius, beyond both radii
 _WAYS, _WATCHED = 3.0, 0.5
@@ -127,6 +131,7 @@ class StepOptions(Record):
     began: float      # J, energy balance when the motion began
     damps: bool       # whether a step that is not good otherwise may damp all vibrations
     follows: bool     # whether steps are short enough to follow vibrations
+    touched: bool     # whether the DLO has touched an obstacle before, since the motion began
 
 
 class StepBuffer(Record):
@@ -215,8 +220,9 @@ def _bears(buffer, row):
 def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
     """Fill a row: by `impact` where something lands, by `after` in a few steps after that.
 
-    Also by `impact` where contacts have stirred up what is too quick for the step, or several grips
-    have as they buckle the DLO, and `how` would make energy of it or cannot be solved.
+    Also by `impact` where contacts stir up, or have since the motion began, what is too quick for
+    the step, or several grips do as they buckle the DLO, and `how` would make energy of it or
+    cannot be solved.
     """
     left, trial = buffer.impulsive[row - 1], budget.copy()
     if how.gamma == 1.0 or left <= AFTER:
@@ -225,14 +231,16 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
         _solve_step(system, scheme, buffer, row, options, guess)
         account(system, scheme, how, buffer, row, options)
         stirred = _bears(buffer, row) or buffer.after_impact[row - 1]
-        held = buffer.held.shape[1] > 0 and not _may_touch_itself(system.effects.strands)
-        if how.gamma == 1.0 or not (stirred or held):
+        touched = options.touched or buffer.starts[1, row] > 0
+        quick = touched or (buffer.held.shape[1] > 0
+                            and not _may_touch_itself(system.effects.strands))
+        if how.gamma == 1.0 or not (stirred or quick):
             return
         if not stirred or options.follows and not _lands(system, how, buffer, row):
             if left > 0:
                 credit_renewal(trial, _balance(buffer.energies[row]), options.began, options.noise)
             good = buffer.converged[row] and is_good(buffer, row, trial, options)
-            # a shorter step may be good, between grips alone however short this one is
+            # a shorter step may be good, where nothing bears however short this one is
             if good or not options.damps or not stirred and options.reach < np.inf:
                 budget[:] = trial if good else budget
                 return
@@ -655,8 +663,6 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
     _move_on(how, buffer.bends, row)
     violation = max(violation, inside)
     bound = buffer.held.shape[1] > 0 or may_forbid(problem.effects)
-    converged = is_equilibrium(stationary, stability, bound, violation, options.kept, missed,
-                               buffer.reach[row])
     if buffer.held.shape[1]:
         buffer.reactions[row] = hold
     if plastic.shape[1]:
@@ -666,10 +672,27 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
     buffer.starts[1, row + 1] = buffer.starts[1, row]
     if may_forbid(problem.effects):
         _keep_contacts(problem.effects.contact, forces, contacts, buffer, row)
+    kept = _PRESSED * options.ctol if _bears_on_few(buffer, row) else options.kept
+    converged = is_equilibrium(stationary, stability, bound, violation, kept, missed,
+                               buffer.reach[row])
     proof = buffer.proofs[row]
     proof[0], proof[1], proof[3] = residual, stability, violation
     buffer.iterations[row], buffer.converged[row] = iterations, converged
     return converged
+
+
+@kernel
+def _bears_on_few(buffer, row):
+    """Whether the DLO bears in a row, at few places: elements side by side, or edges, are one."""
+    places, begin, end = 0, buffer.starts[1, row], buffer.starts[1, row + 1]
+    for a in range(begin, end):
+        new = True
+        for b in range(begin, a):
+            new = new and abs(buffer.contact_of[a, 1] - buffer.contact_of[b, 1]) > 1
+        places += new
+        if places > _FEW:
+            return False
+    return places > 0
 
 
 @kernel

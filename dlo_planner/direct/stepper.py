@@ -199,6 +199,7 @@ class Acceptance(NamedTuple):
     budget: Floats = np.zeros(5)    # as of `integrate`
     began: float = 0.0              # J, balance when the motion began
     damps: bool = False             # whether what is not good otherwise may damp all vibrations
+    touched: bool = False           # whether the DLO has touched an obstacle, see `StepOptions`
 
 
 class StepBatch(NamedTuple):
@@ -210,6 +211,7 @@ class StepBatch(NamedTuple):
     past: list[tuple[float, Floats]]  # time and node positions: the last but one, and before
     samples: Floats          # (k, m, 3) places of some nodes after each good step, see `sampled`
     budget: Floats           # (5,) that of Acceptance, renewed
+    touched: bool            # that of Acceptance, or whether it has in these steps
     refused: TimePoint | None         # at the end of the step after that, which is not good
 
 
@@ -305,6 +307,7 @@ class Stepper:
             instants[last] if last > PAST else now,
             [(float(buffer.times[row]), nodes[row].copy()) for row in (last - 2, last - 1)],
             nodes[PAST + 1:last + 1, self.watched], budget,
+            limits.touched or bool(buffer.starts[1, last + 1]),
             instants[end] if end > last else None)
 
     def _passed(self, buffer: StepBuffer, last: int, end: int) -> int:
@@ -482,7 +485,8 @@ class Stepper:
             limits.patience, self.nearby,
             mesh.held_spring if self.grips.kinds else mesh.spring, *self._held,
             float(limits.error), float(limits.bearing), float(limits.reach), limits.part,
-            limits.noise, limits.began, limits.damps, scheme.dt < _FOLLOWED * self.own_time)
+            limits.noise, limits.began, limits.damps, scheme.dt < _FOLLOWED * self.own_time,
+            limits.touched)
 
     @cached_property
     def _held(self) -> tuple[Ints, Ints, Floats, Bools]:

@@ -26,6 +26,7 @@ from references.planar_motions import (
 from scipy.spatial.transform import Rotation
 from sweeps.contact import random_slide
 
+from benchmarks import columns
 from dlo_planner import (
     Capsule,
     DeadlineExceeded,
@@ -564,6 +565,15 @@ def test_columns_buckle_in_short_steps(thing, dt, gap, way, mesh):
     assert motion.numerical_loss.min() > -1e-3 * np.ptp(motion.potential_energy)
 
 
+@pytest.mark.parametrize('seed', [21, 28, 59])
+def test_what_has_bounced_makes_no_energy_of_vibrations_that_its_steps_do_not_follow(seed):
+    case = columns.at_random(1, seed)
+    motion = case.run(20)
+    assert motion.status == 'complete', motion.message
+    assert len(motion._estimate.args[2].steps) < 2000
+    assert motion.numerical_loss.min() > -1e-3 * np.ptp(motion.potential_energy)
+
+
 def test_what_lands_while_rates_are_renewed_is_no_force_of_the_grips():
     # its work would be some joules, of a wire of 16 g
     poses = [Pose.looking_along((0, 0, z), (0, 0, -1)) for z in 1.0 - 1e-3 * np.arange(4)]
@@ -609,6 +619,11 @@ SLOWLY = {'dt': 1.5e-2, 'way': 0.05, 'friction': 0.4}
     {'gap': -5e-10},
     {'tilt': -1e-4, 'dt': 1.1e-4, 'way': 2.35e-3, 'gap': 5e-6, 'friction': 0.4},
     {'tilt': 1e-6, 'dt': 3.2e-4, 'way': 2.95e-3, 'thing': 'sphere'},
+    # a first step that left it pressed in was pushed out in the next, with energy of its own
+    {'tilt': 1e-3, 'dt': 2.5e-3, 'way': 0.031, 'friction': 0.4},
+    {'tilt': -1e-5, 'dt': 4.4e-3, 'way': 0.031, 'friction': 0.4},
+    {'tilt': -1e-3, 'dt': 1.6e-4, 'way': 2.2e-4, 'thing': 'sphere'},
+    {'tilt': -1e-3, 'dt': 1.5e-3, 'way': 2.3e-3, 'friction': 0.4, 'thing': 'sphere'},
 ])
 def test_columns_that_touch_at_the_start_buckle(scene):
     motion, axis = pressed(**scene)
@@ -617,7 +632,7 @@ def test_columns_that_touch_at_the_start_buckle(scene):
     last = motion.shapes[-1].positions - motion.shapes[-1].positions[0]
     beside = np.linalg.norm(np.cross(last, axis), axis=1).max()
     way = scene.get('way', 0.021)
-    assert 0.1 * np.sqrt(way * STEEL.length) < beside < 0.7 * np.sqrt(way * STEEL.length)
+    assert 0.1 * np.sqrt(way * STEEL.length) < beside < 0.8 * np.sqrt(way * STEEL.length)
     assert sum(bool(shape.contacts) for shape in motion.shapes) > 3
     # nothing is pressed in, to be pushed out by the next step
     assert max(shape.violation for shape in motion.shapes) < 1e-7
