@@ -79,7 +79,7 @@ _LANDING = 1e-6      # of the length: what comes nearer to an obstacle by more i
 _GRAZING = 0.02      # rad: so it may come nearer where it slides along what is curved
 _OF_WAY = 0.04       # of the way of a step where the DLO bears: what its error may be
 _EXACT = 1e-4        # relative error of an eigenvalue
-# At so many places at most a DLO that bears may be pressed in by no more than so many times the
+# In so many elements at most a DLO that bears may be pressed in by no more than so many times the
 # depth aimed at: one that is pressed along itself would be pushed out in the next step by forces of
 # any size, with energy that nobody gave. On many it yields, and a depth of `kept` is gone soon.
 _FEW, _PRESSED = 3, 100.0
@@ -325,14 +325,15 @@ def _longest_way(buffer, row):
 def _pushes_little(buffer, row, budget, options):
     """Whether the work of contacts along the chords of steps is small.
 
-    That of this step, and the energy that the motion has beyond what it began with, are each at
-    most what it may gain.
+    What the motion keeps of it in this step, and the energy that it has beyond what it began with,
+    are each at most what it may gain.
     """
-    energies = buffer.energies[row]
-    push = energies[CONTACT_WORK] - buffer.energies[row - 1, CONTACT_WORK]
-    excess = energies[KINETIC] + energies[STATIC] - energies[WORK] + lost(energies) - options.began
-    return push == 0.0 or max(push, excess) <= allowed_gain(budget, energies, options.gain,
-                                                            options.noise)
+    energies, before = buffer.energies[row], buffer.energies[row - 1]
+    push = energies[CONTACT_WORK] - before[CONTACT_WORK]
+    kept = push + _balance(energies) - _balance(before)  # of it: the rest is lost in the same step
+    excess = _balance(energies) + energies[CONTACT_WORK] - options.began
+    return push == 0.0 or max(min(push, kept), excess) <= allowed_gain(
+        budget, energies, options.gain, options.noise)
 
 
 @kernel
@@ -683,12 +684,12 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
 
 @kernel
 def _bears_on_few(buffer, row):
-    """Whether the DLO bears in a row, at few places: elements side by side, or edges, are one."""
+    """Whether the DLO bears in a row, in few elements, with however many edges."""
     places, begin, end = 0, buffer.starts[1, row], buffer.starts[1, row + 1]
     for a in range(begin, end):
         new = True
         for b in range(begin, a):
-            new = new and abs(buffer.contact_of[a, 1] - buffer.contact_of[b, 1]) > 1
+            new = new and buffer.contact_of[a, 1] != buffer.contact_of[b, 1]
         places += new
         if places > _FEW:
             return False
