@@ -157,6 +157,7 @@ class StepBuffer(Record):
     proofs: Floats        # (r, 4) residual, stability, local error, violation of constraints
     iterations: Ints      # (r,)
     evaluations: Ints     # (r,) of methods that count them
+    kicks: Ints           # (r,) how often the search left a saddle, where nothing touches
     energies: Floats      # (r, 8) at ELASTIC, STATIC (elastic and loads), KINETIC; WORK of the
                           # grips; lost by damping, plasticity, friction; CONTACT_WORK
                           # along the chords of steps
@@ -241,7 +242,9 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
                 credit_renewal(trial, _balance(buffer.energies[row]), options.began, options.noise)
             good = buffer.converged[row] and is_good(buffer, row, trial, options)
             # a shorter step may be good, where nothing bears however short this one is
-            if good or not options.damps or not stirred and options.reach < np.inf:
+            buckles = buffer.kicks[row] > 0  # and does so at once, however short the step is
+            if good or not buckles and (not options.damps
+                                        or not stirred and options.reach < np.inf):
                 budget[:] = trial if good else budget
                 return
     buffer.impulsive[row] = 1
@@ -413,8 +416,9 @@ def implicit_step(system: Problem, how: SchemeCoefficients, buffer: StepBuffer, 
         evaluate(problem, state)
         record_step(how, problem, state, buffer, row, memory, np.inf, np.nan, 0, np.inf, options)
         return False
-    state, residual, stability, iterations, loaded, violation = _minimum(
+    state, residual, stability, iterations, kicks, loaded, violation = _minimum(
         system.effects.contact, problem, how, q, buffer, row, memory, options, check)
+    buffer.kicks[row] = kicks
     if _escapes(problem.effects.strands, problem, buffer, row, state):
         residual = np.inf
     return record_step(how, loaded, state, buffer, row, memory, residual, stability, iterations,
@@ -576,13 +580,13 @@ def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
             new_workspace(problem))
         if residual < np.inf and not _touches(problem, state) and not _sweeps(problem, buffer, row,
                                                                               state):
-            return state, residual, stability, iterations, problem, missed
+            return state, residual, stability, iterations, 0, problem, missed
         _take_back(problem.effects.hold, buffer, memory)
     state, residual, stability, iterations, _, loaded, violation = obstructed_minimum(
         problem, q, options.blurred, options.ctol, options.maxiter, check,
         buffer.nodes[0, memory], buffer.frames[memory, :, :, 0])
     residual = _or_decrement(loaded, state, residual)
-    return state, residual, stability, iterations, loaded, violation
+    return state, residual, stability, iterations, 0, loaded, violation
 
 
 @kernel
@@ -600,6 +604,7 @@ def _unobstructed(problem, how, q, buffer, row, memory, options, check):
     """Do what `_minimum` does, without obstacles: what is near, else with all guards."""
     work, held, tolerance = new_workspace(problem), is_held(problem), options.tolerance
     state, residual, stability, iterations, missed = work.state, np.inf, np.nan, 0, np.inf
+    kicks = 0
     if options.nearby:
         state, residual, stability, iterations, _, _, missed = newton_descent(
             problem, q, next_to(tolerance, options.ctol, check, held), work)
@@ -608,7 +613,7 @@ def _unobstructed(problem, how, q, buffer, row, memory, options, check):
         if options.nearby and not buffer.impulsive[row]:
             _less_potential(how, buffer.bends, row, problem, state, q)
         for attempt in range(2):  # without forces of inertia that are in the way; with them
-            state, residual, stability, more, _, missed = minimize(
+            state, residual, stability, more, kicks, missed = minimize(
                 problem, q, thorough(tolerance, options.ctol, options.maxiter, check,
                                      attempt == 0 and not held), work)
             iterations += more
@@ -617,7 +622,7 @@ def _unobstructed(problem, how, q, buffer, row, memory, options, check):
                 break
     if stability == np.inf and yields(problem.effects.plastic):
         stability = _smallest_eigenvalue(problem, state)
-    return state, residual, stability, iterations, problem, missed
+    return state, residual, stability, iterations, kicks, problem, missed
 
 
 @kernel

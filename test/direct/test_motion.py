@@ -565,6 +565,13 @@ def test_columns_buckle_in_short_steps(thing, dt, gap, way, mesh):
     assert motion.numerical_loss.min() > -1e-3 * np.ptp(motion.potential_energy)
 
 
+@pytest.mark.parametrize('seed', [18, 51])  # a bar; a sphere
+def test_columns_on_what_is_curved_go_on(seed):
+    motion = columns.at_random(1, seed).run(20)
+    assert motion.status == 'complete', motion.message
+    assert motion.numerical_loss.min() > -1e-3 * np.ptp(motion.potential_energy)
+
+
 @pytest.mark.parametrize('seed', [21, 28, 59])
 def test_what_has_bounced_makes_no_energy_of_vibrations_that_its_steps_do_not_follow(seed):
     case = columns.at_random(1, seed)
@@ -649,10 +656,10 @@ def test_what_is_straight_to_rounding_buckles_to_one_side(scene):
         assert np.abs(other - ends[0]).max() < 0.1 * beside
 
 
-def led_together(thing, axis, gravity, grip='clamped', slack=0.0, instants=21, dt=0.02):
-    """Return the motion in which both ends of a straight DLO come nearer by 4 % of its length."""
+def led_together(thing, axis, gravity, grip='clamped', slack=0.0, instants=21, dt=0.02, way=0.02):
+    """Return the motion in which each end of a straight DLO goes a `way`, times its length."""
     axis, t = np.array(axis), np.linspace(0, 1, instants)
-    ways = 0.02 * thing.length * (t - np.sin(2 * np.pi * t) / (2 * np.pi))
+    ways = way * thing.length * (t - np.sin(2 * np.pi * t) / (2 * np.pi))
     ends = [FarEnd(Pose.looking_along(axis * (thing.length * (1 - slack) - way), axis), grip)
             for way in ways]
     return DirectSimulator(thing, gravity=gravity).simulate(
@@ -730,10 +737,36 @@ def test_a_motion_that_leads_grips_out_of_reach_says_so():
     assert motion.message.startswith('out of reach: at 0.6 s the far end is held')
 
 
-def test_grips_that_stay_at_full_length_are_out_of_reach():
+def test_a_motion_from_full_length_may_begin_slowly():
     motion = led_together(COPPER_WIRE, (1, 0, 0), (0, 0, -9.81), instants=401, dt=1e-3)
-    assert motion.status == 'blocked'  # they come nearer by 0.06 nm until then
-    assert motion.message.startswith('out of reach: at 0.00025 s')
+    assert motion.converged, motion.message  # by 0.06 nm in the first quarter of an instant
+    assert motion.numerical_loss.min() > -1e-3 * np.ptp(motion.potential_energy)
+    first = motion.shapes[0]  # straight under its weight: by forces that are not known
+    assert np.isnan(first.gripper_wrench).all() and np.isnan(first.wrenches).all()
+    assert np.isfinite(motion.shapes[1].gripper_wrench).all()
+
+
+@pytest.mark.parametrize('dt', [0.02, 0.1])
+def test_grips_that_stay_at_full_length_are_out_of_reach(dt):
+    ends = [FarEnd(Pose.looking_along((1, 0, 0), (1, 0, 0)))] * 6
+    motion = DirectSimulator(COPPER_WIRE).simulate([LEVEL] * 6, dt, far_ends=ends, deadline=5)
+    assert motion.status == 'blocked' and len(motion) == 1
+    assert motion.message.startswith(f'out of reach: at {dt:g} s')
+    still = DirectSimulator(COPPER_WIRE, gravity=(0, 0, 0)).simulate([LEVEL] * 6, dt, far_ends=ends)
+    assert still.converged
+
+
+@pytest.mark.parametrize('grip', ['clamped', 'pinned'])
+@pytest.mark.parametrize('dt', [1e-3, 5e-3, 0.05])
+def test_where_nothing_tells_how_it_buckles_the_estimate_is_how_far_it_may_be(grip, dt):
+    # in waves that depend on the steps: the fourth mode, the second, the first
+    motion = led_together(COPPER_WIRE, (1, 0, 0), (0, 0, 0), grip, way=1e-3, dt=dt)
+    assert motion.converged, motion.message
+    assert motion.error_estimate[0] < 1e-9
+    assert motion.error_estimate[-1] >= np.sqrt(1 - 0.998**2) * (1 - 1e-9)
+    bent = replace(COPPER_WIRE, natural_curvature=(0.0, 0.05))
+    known = led_together(bent, (1, 0, 0), (0, 0, 0), grip, 1e-3, way=1e-3, dt=0.05)
+    assert known.error_estimate[-1] < 0.03
 
 
 def test_a_dlo_that_has_bounced_moves_freely_again():
