@@ -280,8 +280,8 @@ def farthest_between(stepper: Stepper, place: float) -> float:
     length = float(stepper.discretization.s[-1])
     if not holds or holds[-1].s is not None:
         return 2.0 * length
-    return max(np.sqrt(max(span.length**2 - span.distance**2, 0.0))
-               for span in spans_of(holds, gripper, length))
+    return float(max(np.sqrt(max(span.length**2 - span.distance**2, 0.0))
+                     for span in spans_of(holds, gripper, length)))
 
 
 _UNITS = 2 << HALVINGS  # of time in which steps are counted, in an interval between two instants
