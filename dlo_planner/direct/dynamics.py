@@ -266,7 +266,8 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
                 break
         found = np.where(np.isinf(found), 2.0 * rough if obstructed else rough, found)
     chosen = [farthest_between(stepper, place) if place > plan.chosen else 0.0 for place in ends]
-    errors: Floats = np.maximum.accumulate(np.maximum(np.minimum(found, farthest), chosen))
+    errors: Floats = np.maximum.accumulate(np.minimum(found, farthest))
+    errors = np.maximum(errors, np.maximum.accumulate(chosen))
     errors += 1e-15 * coarse.s.size * coarse.s[-1]
     return errors
 
