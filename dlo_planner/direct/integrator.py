@@ -78,6 +78,7 @@ AFTER = 4            # steps since an impact until the scheme is as ever
 _LANDING = 1e-6      # of the length: what comes nearer to an obstacle by more in a step lands there
 _GRAZING = 0.02      # rad: so it may come nearer where it slides along what is curved
 _OF_WAY = 0.04       # of the way of a step where the DLO bears: what its error may be
+STRAIGHT = 1e-9      # of the length: what is bent by less is straight to rounding
 _EXACT = 1e-4        # relative error of an eigenvalue
 # In so many elements at most a DLO that bears may be pressed in by no more than so many times the
 # depth aimed at: one that is pressed along itself would be pushed out in the next step by forces of
@@ -157,7 +158,6 @@ class StepBuffer(Record):
     proofs: Floats        # (r, 4) residual, stability, local error, violation of constraints
     iterations: Ints      # (r,)
     evaluations: Ints     # (r,) of methods that count them
-    kicks: Ints           # (r,) how often the search left a saddle, where nothing touches
     energies: Floats      # (r, 8) at ELASTIC, STATIC (elastic and loads), KINETIC; WORK of the
                           # grips; lost by damping, plasticity, friction; CONTACT_WORK
                           # along the chords of steps
@@ -242,7 +242,7 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
                 credit_renewal(trial, _balance(buffer.energies[row]), options.began, options.noise)
             good = buffer.converged[row] and is_good(buffer, row, trial, options)
             # a shorter step may be good, where nothing bears however short this one is
-            buckles = buffer.kicks[row] > 0  # and does so at once, however short the step is
+            buckles = not stirred and _is_straight(system, buffer, row - 1)  # at once, in any step
             if good or not buckles and (not options.damps
                                         or not stirred and options.reach < np.inf):
                 budget[:] = trial if good else budget
@@ -251,6 +251,24 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
     _solve_step(system, impact, buffer, row, options, guess)
     account(system, impact, how, buffer, row, options)
     buffer.impulsive[row] = AFTER + _lands(system, how, buffer, row)
+
+
+@kernel
+def _is_straight(system, buffer, row):
+    """Whether the DLO is straight in a row: between several grips it can only buckle."""
+    nodes, last = buffer.nodes[0, row], buffer.nodes.shape[2] - 1
+    most, longest = STRAIGHT * np.sum(system.lengths), 0.0
+    for i in range(3):
+        longest += (nodes[last, i] - nodes[0, i]) ** 2
+    for k in range(last):
+        square = 0.0
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            square += ((nodes[k, j] - nodes[0, j]) * (nodes[last, m] - nodes[0, m])
+                       - (nodes[k, m] - nodes[0, m]) * (nodes[last, j] - nodes[0, j])) ** 2
+        if not square < most * most * longest:
+            return False
+    return buffer.held.shape[1] > 0
 
 
 @kernel
@@ -416,9 +434,8 @@ def implicit_step(system: Problem, how: SchemeCoefficients, buffer: StepBuffer, 
         evaluate(problem, state)
         record_step(how, problem, state, buffer, row, memory, np.inf, np.nan, 0, np.inf, options)
         return False
-    state, residual, stability, iterations, kicks, loaded, violation = _minimum(
+    state, residual, stability, iterations, loaded, violation = _minimum(
         system.effects.contact, problem, how, q, buffer, row, memory, options, check)
-    buffer.kicks[row] = kicks
     if _escapes(problem.effects.strands, problem, buffer, row, state):
         residual = np.inf
     return record_step(how, loaded, state, buffer, row, memory, residual, stability, iterations,
@@ -580,13 +597,13 @@ def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
             new_workspace(problem))
         if residual < np.inf and not _touches(problem, state) and not _sweeps(problem, buffer, row,
                                                                               state):
-            return state, residual, stability, iterations, 0, problem, missed
+            return state, residual, stability, iterations, problem, missed
         _take_back(problem.effects.hold, buffer, memory)
     state, residual, stability, iterations, _, loaded, violation = obstructed_minimum(
         problem, q, options.blurred, options.ctol, options.maxiter, check,
         buffer.nodes[0, memory], buffer.frames[memory, :, :, 0])
     residual = _or_decrement(loaded, state, residual)
-    return state, residual, stability, iterations, 0, loaded, violation
+    return state, residual, stability, iterations, loaded, violation
 
 
 @kernel
@@ -604,7 +621,6 @@ def _unobstructed(problem, how, q, buffer, row, memory, options, check):
     """Do what `_minimum` does, without obstacles: what is near, else with all guards."""
     work, held, tolerance = new_workspace(problem), is_held(problem), options.tolerance
     state, residual, stability, iterations, missed = work.state, np.inf, np.nan, 0, np.inf
-    kicks = 0
     if options.nearby:
         state, residual, stability, iterations, _, _, missed = newton_descent(
             problem, q, next_to(tolerance, options.ctol, check, held), work)
@@ -613,7 +629,7 @@ def _unobstructed(problem, how, q, buffer, row, memory, options, check):
         if options.nearby and not buffer.impulsive[row]:
             _less_potential(how, buffer.bends, row, problem, state, q)
         for attempt in range(2):  # without forces of inertia that are in the way; with them
-            state, residual, stability, more, kicks, missed = minimize(
+            state, residual, stability, more, _, missed = minimize(
                 problem, q, thorough(tolerance, options.ctol, options.maxiter, check,
                                      attempt == 0 and not held), work)
             iterations += more
@@ -622,7 +638,7 @@ def _unobstructed(problem, how, q, buffer, row, memory, options, check):
                 break
     if stability == np.inf and yields(problem.effects.plastic):
         stability = _smallest_eigenvalue(problem, state)
-    return state, residual, stability, iterations, kicks, problem, missed
+    return state, residual, stability, iterations, problem, missed
 
 
 @kernel

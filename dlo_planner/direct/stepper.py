@@ -31,6 +31,7 @@ from dlo_planner.direct.integrator import (
     KINETIC,
     PAST,
     STATIC,
+    STRAIGHT,
     WORK,
     Scheme,
     SchemeCoefficients,
@@ -70,7 +71,6 @@ _BRIEFEST = 3e-5     # of that time: of what is watched for less rounding errors
 # Times all forces that are known: one that is larger is that of an impact. Of a steel wire of 12 g
 # that stands on its tip it is 1932 N, of one that is 1 nm above the floor 0.004 N.
 _STRIKES = 10.0
-_STRAIGHT = 1e-9     # of the length: what is bent by less is straight to rounding
 _AT_ONCE = 1e-13     # of the length: how exactly grips are kept in so short a time
 _WRENCHES = 'wrenches', 'hold_wrenches', 'mean_wrenches'
 NO_GUESS = np.zeros((0, 3))  # read-only arrays are another type for kernels
@@ -331,7 +331,7 @@ class Stepper:
         """
         if not self.grips.kinds:
             return np.inf
-        most = _STRAIGHT * self.discretization.s[-1]
+        most = STRAIGHT * self.discretization.s[-1]
         nodes, speeds, times = buffer.nodes[0], buffer.nodes[1], buffer.times
         for row in range(PAST + 1, last + 1):
             now = row - 1
@@ -343,7 +343,7 @@ class Stepper:
             drawn = max(_across(axis, grips - nodes[now, 0]),
                         (times[row] - times[now]) * _across(axis, speeds[now] - speeds[now, 0]))
             turned = max(np.abs(one[row] - one[now]).max() for one in (buffer.bases, buffer.axes))
-            symmetric = drawn < most and turned < _STRAIGHT and buffer.proofs[now, 0] < _ROUGHEST
+            symmetric = drawn < most and turned < STRAIGHT and buffer.proofs[now, 0] < _ROUGHEST
             if symmetric and _across(axis, nodes[row] - nodes[row, 0]) >= most:
                 return float(where[now])
         return np.inf
@@ -562,8 +562,7 @@ class Stepper:
             indices[-1][:count], values[-1][:count] = index[:count], value[:count]
         return StepBuffer(
             times, *grips, *ends, *courses, frames, *wrenches, proofs,
-            np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=np.int64),
-            np.zeros(rows, dtype=np.int64), energies,
+            np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=np.int64), energies,
             np.zeros(rows, dtype=bool), impulsive, after_impact, *left, starts, indices[0],
             values[0], indices[1], values[1], np.zeros(2, dtype=bool))
 

@@ -273,7 +273,7 @@ def minimize(system: Problem, q: Floats, options: Options,
         state, residual, stability, steps, mode, leant, missed = newton_descent(
             system, q, options, work)
         iterations += steps
-        if leant and (not is_held(system) or has_inertia(system.effects.anchor)):
+        if leant and not is_held(system):
             kicks = max(kicks, 1)
         done = (not options.check or stability > -neutral or options.nodes.size > 0
                 or options.reach < np.inf)
