@@ -131,8 +131,7 @@ def at_full_length(found: Shape, holds: Holds, memory: Memory | None) -> Shape:
     """Return the straight Shape that a motion starts from at full length, else `found`.
 
     Full length: where grips are exactly as far apart as the DLO is long. There it is the only one,
-    and no equilibrium: its forces are not known, its wrenches are those of the gripper on a DLO
-    that hangs there straight.
+    and no equilibrium: its forces are not known, its wrenches are nan.
     """
     mesh, gripper = found.state.mesh, found.gripper
     if found.converged or mesh is None or not mesh.loaded:
@@ -142,7 +141,11 @@ def at_full_length(found: Shape, holds: Holds, memory: Memory | None) -> Shape:
         return found
     bare = mesh.within(replace(mesh.surroundings, gravity=np.zeros(3), load=None, point_loads=()))
     there = equilibrium(bare, gripper, np.array(bare.free.natural), bare.start, holds)
-    return first_shape(mesh, gripper, holds, there, memory) if there.converged else found
+    if not there.converged:
+        return found
+    straight = first_shape(mesh, gripper, holds, there, memory)
+    return replace(straight, gripper_wrench=np.full(6, np.nan),
+                   wrenches=np.full((len(holds), 6), np.nan))
 
 
 def _check_held(what: str, where: str, grip: Hold, pose: Pose, length: float) -> None:
@@ -209,6 +212,7 @@ class IntegrationOptions:
     integrator: str
     tolerance: float  # m; infinite: only what cannot be solved or gains energy is halved
     steps: tuple[int, ...] = ()  # numbers of halvings of the steps made, in their order
+    chosen: float = np.inf  # place from which on nothing said how it buckled, see `StepBatch`
 
     def scheme(self, dt: float, halvings: int) -> Scheme:
         """Return the Scheme of a step of dt (s), halved so often."""
@@ -238,7 +242,8 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     lands and slips, and is of no order: there the first is taken three times, of order one half it
     were 3.4, and the second twice. Where neither could follow, or they are so far apart that
     nothing foretells where the DLO goes, it is what holds for any two shapes in one gripper: twice
-    the length.
+    the length. Where nothing that was given tells how the DLO buckled between its grips, it is at
+    least what holds for any two shapes in these.
     """
     made = _Made(ends, positions, samples, _sizes(plan.steps))
     coarse = stepper.discretization
@@ -260,9 +265,24 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
             if not np.isinf(rough).any():
                 break
         found = np.where(np.isinf(found), 2.0 * rough if obstructed else rough, found)
+    chosen = [farthest_between(stepper, place) if place > plan.chosen else 0.0 for place in ends]
     errors: Floats = np.maximum.accumulate(np.minimum(found, farthest))
+    errors = np.maximum(errors, np.maximum.accumulate(chosen))
     errors += 1e-15 * coarse.s.size * coarse.s[-1]
     return errors
+
+
+def farthest_between(stepper: Stepper, place: float) -> float:
+    """Return how far nodes of two shapes in the grips at a place may be apart, m.
+
+    Each is within its arc lengths from both grips beside it: in a lens that is that wide.
+    """
+    gripper, holds = stepper.grips.at(place)
+    length = float(stepper.discretization.s[-1])
+    if not holds or holds[-1].s is not None:
+        return 2.0 * length
+    return float(max(np.sqrt(max(span.length**2 - span.distance**2, 0.0))
+                     for span in spans_of(holds, gripper, length)))
 
 
 _UNITS = 2 << HALVINGS  # of time in which steps are counted, in an interval between two instants
@@ -482,6 +502,7 @@ def _at_rest_on(shape: Shape, mesh: Discretization,
 
 _LOOKS = 4           # places between two instants where the grips are looked at
 _CLOSE = 3           # halvings of a step that leads a grip into an obstacle, until it is the end
+_STAYS = 4           # instants, or all, at full length: it does not come nearer, under a load
 _TAUT = 1.0          # instants before grips are out of reach: what is nearly taut may end there
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
@@ -503,6 +524,7 @@ class Run(NamedTuple):
     status: str = 'complete'  # as of `Motion`, like `message`
     message: str = ''
     samples: Floats | None = None  # (k, m, 3) places after each step, see `StepBatch`
+    chosen: float = np.inf  # as of IntegrationOptions
 
 
 def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
@@ -514,8 +536,12 @@ def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     if not begun.start.converged:
         ended = Run([first], [], 0.0, 'unsolved', 'the shape at time 0 was not found')
         return _motion(stepper, ended, plan.tolerance, None)
+    too_far = _stays_taut(stepper, plan.instants)
+    if too_far:
+        return _motion(stepper, Run([first], [], 0.0, 'blocked', too_far), plan.tolerance, None)
     made = run(stepper, first, plan, progress)
-    estimate = partial(error_of, stepper, begun, replace(plan, steps=tuple(made.steps)),
+    estimate = partial(error_of, stepper, begun,
+                       replace(plan, steps=tuple(made.steps), chosen=made.chosen),
                        [instant.place for instant in made.reached],
                        [instant.positions for instant in made.reached], made.samples)
     return _motion(stepper, made, plan.tolerance, estimate)
@@ -563,6 +589,7 @@ class _EnergyBudget:
         self.budget = np.array([first.balance, *first.row.energies[[STATIC, STATIC, KINETIC]],
                                 first.balance])
         self.began = first.balance
+        self.touched = len(first.row.contacts) > 0  # or has since the motion began
         self.part, self.guarded = times * _GAIN, times < _UNGUARDED
         # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
         self.noise = times * KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
@@ -585,8 +612,9 @@ class _EnergyBudget:
         # (of so many halvings or more: 1.5 is between the lengths of two levels, 1 and 2)
         damps = self.guarded and scheme.dt < 1.5 * self._stepper.dt / (1 << _DAMPING)
         batch = self._stepper.steps(now, (), places, scheme, Acceptance(
-            part=self.part, noise=self.limit, budget=self.budget, began=self.began, damps=damps))
-        self.budget = batch.budget
+            part=self.part, noise=self.limit, budget=self.budget, began=self.began, damps=damps,
+            touched=self.touched))
+        self.budget, self.touched = batch.budget, batch.touched
         return batch
 
 
@@ -611,6 +639,7 @@ class _StepControl:
         self._errors: list[float] = []
         self._samples: list[Floats] = []
         self._energy = _EnergyBudget(first, plan)
+        self._chosen = np.inf
 
     @property
     def level(self) -> int:
@@ -620,7 +649,7 @@ class _StepControl:
     def run(self, reached: list[TimePoint], status: str = 'complete', message: str = '') -> Run:
         """Return the Run so far."""
         return Run(reached, self._steps, float(sum(self._errors)), status, message,
-                   np.concatenate(self._samples) if self._samples else None)
+                   np.concatenate(self._samples) if self._samples else None, self._chosen)
 
     def advance(self, progress: Progress) -> StepBatch:
         """Return the StepBatch of the next steps, which are entered here."""
@@ -683,16 +712,18 @@ class _StepControl:
                      else plan.tolerance)
         limits = Acceptance(
             MAX_ITERATIONS if patient else _PATIENCE, error, _BEARING * error, reach, energy.part,
-            energy.limit, energy.budget, energy.began, damps)
+            energy.limit, energy.budget, energy.began, damps, energy.touched)
         size = 1 << (HALVINGS - level)
         count = min(most, self._length(size))
         places = (self._at + size * np.arange(1, count + 1)) / (1 << HALVINGS)
         batch = stepper.steps(now, self._past, places, scheme, limits)
         made = len(batch.errors)
         if made:
-            self.now, self._past, energy.budget = batch.last, batch.past, batch.budget
+            self.now, self._past = batch.last, batch.past
+            energy.budget, energy.touched = batch.budget, batch.touched
             self._energy = energy
             self._at += made * size
+            self._chosen = min(self._chosen, batch.chosen)
             self._steps += [level] * made
             self._errors += batch.errors.tolist()
             self._samples.append(batch.samples)
@@ -748,6 +779,15 @@ def _blocked(stepper: Stepper, instants: int) -> tuple[float, str]:
                          f'obstacle, until the end by up to {depths.max():.3g} m: no shape of the '
                          'DLO can follow')
     return first
+
+
+def _stays_taut(stepper: Stepper, instants: int) -> str:
+    """Return in words that grips stay at full length from the beginning on, '' if they do not."""
+    if not stepper.discretization.loaded or instants < 2:
+        return ''
+    looks = [_out_of_reach(stepper, place, place)
+             for place in range(1, min(_STAYS, instants - 1) + 1)]
+    return looks[0] if all(looks) else ''
 
 
 def _out_of_reach(stepper: Stepper, begin: float, end: float) -> str:

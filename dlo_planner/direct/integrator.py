@@ -78,7 +78,12 @@ AFTER = 4            # steps since an impact until the scheme is as ever
 _LANDING = 1e-6      # of the length: what comes nearer to an obstacle by more in a step lands there
 _GRAZING = 0.02      # rad: so it may come nearer where it slides along what is curved
 _OF_WAY = 0.04       # of the way of a step where the DLO bears: what its error may be
+STRAIGHT = 1e-9      # of the length: what is bent by less is straight to rounding
 _EXACT = 1e-4        # relative error of an eigenvalue
+# In so many elements at most a DLO that bears may be pressed in by no more than so many times the
+# depth aimed at: one that is pressed along itself would be pushed out in the next step by forces of
+# any size, with energy that nobody gave. On many it yields, and a depth of `kept` is gone soon.
+_FEW, _PRESSED = 3, 100.0
 # Pairs of strands are watched that may come to bear in a step: as far as both can move, with so
 # many times the speed that they have, and as near as that, of the radius, beyond both radii
 _WAYS, _WATCHED = 3.0, 0.5
@@ -127,6 +132,7 @@ class StepOptions(Record):
     began: float      # J, energy balance when the motion began
     damps: bool       # whether a step that is not good otherwise may damp all vibrations
     follows: bool     # whether steps are short enough to follow vibrations
+    touched: bool     # whether the DLO has touched an obstacle before, since the motion began
 
 
 class StepBuffer(Record):
@@ -215,8 +221,9 @@ def _bears(buffer, row):
 def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
     """Fill a row: by `impact` where something lands, by `after` in a few steps after that.
 
-    Also by `impact` where contacts have stirred up what is too quick for the step, or several grips
-    have as they buckle the DLO, and `how` would make energy of it or cannot be solved.
+    Also by `impact` where contacts stir up, or have since the motion began, what is too quick for
+    the step, or several grips do as they buckle the DLO, and `how` would make energy of it or
+    cannot be solved.
     """
     left, trial = buffer.impulsive[row - 1], budget.copy()
     if how.gamma == 1.0 or left <= AFTER:
@@ -225,21 +232,43 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
         _solve_step(system, scheme, buffer, row, options, guess)
         account(system, scheme, how, buffer, row, options)
         stirred = _bears(buffer, row) or buffer.after_impact[row - 1]
-        held = buffer.held.shape[1] > 0 and not _may_touch_itself(system.effects.strands)
-        if how.gamma == 1.0 or not (stirred or held):
+        touched = options.touched or buffer.starts[1, row] > 0
+        quick = touched or (buffer.held.shape[1] > 0
+                            and not _may_touch_itself(system.effects.strands))
+        if how.gamma == 1.0 or not (stirred or quick):
             return
         if not stirred or options.follows and not _lands(system, how, buffer, row):
             if left > 0:
                 credit_renewal(trial, _balance(buffer.energies[row]), options.began, options.noise)
             good = buffer.converged[row] and is_good(buffer, row, trial, options)
-            # a shorter step may be good, between grips alone however short this one is
-            if good or not options.damps or not stirred and options.reach < np.inf:
+            # a shorter step may be good, where nothing bears however short this one is
+            buckles = not stirred and _is_straight(system, buffer, row - 1)  # at once, in any step
+            if good or not buckles and (not options.damps
+                                        or not stirred and options.reach < np.inf):
                 budget[:] = trial if good else budget
                 return
     buffer.impulsive[row] = 1
     _solve_step(system, impact, buffer, row, options, guess)
     account(system, impact, how, buffer, row, options)
     buffer.impulsive[row] = AFTER + _lands(system, how, buffer, row)
+
+
+@kernel
+def _is_straight(system, buffer, row):
+    """Whether the DLO is straight in a row: between several grips it can only buckle."""
+    nodes, last = buffer.nodes[0, row], buffer.nodes.shape[2] - 1
+    most, longest = STRAIGHT * np.sum(system.lengths), 0.0
+    for i in range(3):
+        longest += (nodes[last, i] - nodes[0, i]) ** 2
+    for k in range(last):
+        square = 0.0
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            square += ((nodes[k, j] - nodes[0, j]) * (nodes[last, m] - nodes[0, m])
+                       - (nodes[k, m] - nodes[0, m]) * (nodes[last, j] - nodes[0, j])) ** 2
+        if not square < most * most * longest:
+            return False
+    return buffer.held.shape[1] > 0
 
 
 @kernel
@@ -317,14 +346,15 @@ def _longest_way(buffer, row):
 def _pushes_little(buffer, row, budget, options):
     """Whether the work of contacts along the chords of steps is small.
 
-    That of this step, and the energy that the motion has beyond what it began with, are each at
-    most what it may gain.
+    What the motion keeps of it in this step, and the energy that it has beyond what it began with,
+    are each at most what it may gain.
     """
-    energies = buffer.energies[row]
-    push = energies[CONTACT_WORK] - buffer.energies[row - 1, CONTACT_WORK]
-    excess = energies[KINETIC] + energies[STATIC] - energies[WORK] + lost(energies) - options.began
-    return push == 0.0 or max(push, excess) <= allowed_gain(budget, energies, options.gain,
-                                                            options.noise)
+    energies, before = buffer.energies[row], buffer.energies[row - 1]
+    push = energies[CONTACT_WORK] - before[CONTACT_WORK]
+    kept = push + _balance(energies) - _balance(before)  # of it: the rest is lost in the same step
+    excess = _balance(energies) + energies[CONTACT_WORK] - options.began
+    return push == 0.0 or max(min(push, kept), excess) <= allowed_gain(
+        budget, energies, options.gain, options.noise)
 
 
 @kernel
@@ -655,8 +685,6 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
     _move_on(how, buffer.bends, row)
     violation = max(violation, inside)
     bound = buffer.held.shape[1] > 0 or may_forbid(problem.effects)
-    converged = is_equilibrium(stationary, stability, bound, violation, options.kept, missed,
-                               buffer.reach[row])
     if buffer.held.shape[1]:
         buffer.reactions[row] = hold
     if plastic.shape[1]:
@@ -666,10 +694,27 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
     buffer.starts[1, row + 1] = buffer.starts[1, row]
     if may_forbid(problem.effects):
         _keep_contacts(problem.effects.contact, forces, contacts, buffer, row)
+    kept = _PRESSED * options.ctol if _bears_on_few(buffer, row) else options.kept
+    converged = is_equilibrium(stationary, stability, bound, violation, kept, missed,
+                               buffer.reach[row])
     proof = buffer.proofs[row]
     proof[0], proof[1], proof[3] = residual, stability, violation
     buffer.iterations[row], buffer.converged[row] = iterations, converged
     return converged
+
+
+@kernel
+def _bears_on_few(buffer, row):
+    """Whether the DLO bears in a row, in few elements, with however many edges."""
+    places, begin, end = 0, buffer.starts[1, row], buffer.starts[1, row + 1]
+    for a in range(begin, end):
+        new = True
+        for b in range(begin, a):
+            new = new and buffer.contact_of[a, 1] != buffer.contact_of[b, 1]
+        places += new
+        if places > _FEW:
+            return False
+    return places > 0
 
 
 @kernel

@@ -20,6 +20,7 @@ from dlo_planner.pictured import Filmed
 from dlo_planner.progress import OnProgress, Progress, interrupted_by
 
 STATUSES = ('complete', 'unsolved', 'energy', 'blocked', 'self-passage')
+_UNFINISHED = 'unsolved', 'blocked'  # with the shape of a step that could not be solved
 _ARRAYS = ('times', 'velocities', 'kinetic_energy', 'potential_energy', 'work', 'losses')
 # How often it may be asked whether to end while `error_estimate` is computed: kernels do so after
 # the same work on every machine, about each 10 ms, and what calls them where they have ended, about
@@ -196,11 +197,13 @@ class Motion(Filmed):
 
         energy + dissipated + numerical_loss = energy at time 0 + work. Where the DLO slides along a
         convex obstacle it may fall again, by the work of contacts along the chords of steps, though
-        hardly below zero.
+        hardly below zero. Where the last step was not solved, it is that of the instant before.
         """
         if not len(self):
             return np.zeros(0)
         result: Floats = self.energy[0] + self.work - self.energy - self.dissipated
+        if len(self) > 1 and self.status in _UNFINISHED and not self.shapes[-1].converged:
+            result[-1] = result[-2]
         return result
 
     @cached_property

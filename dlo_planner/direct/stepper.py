@@ -31,6 +31,7 @@ from dlo_planner.direct.integrator import (
     KINETIC,
     PAST,
     STATIC,
+    STRAIGHT,
     WORK,
     Scheme,
     SchemeCoefficients,
@@ -199,6 +200,7 @@ class Acceptance(NamedTuple):
     budget: Floats = np.zeros(5)    # as of `integrate`
     began: float = 0.0              # J, balance when the motion began
     damps: bool = False             # whether what is not good otherwise may damp all vibrations
+    touched: bool = False           # whether the DLO has touched an obstacle, see `StepOptions`
 
 
 class StepBatch(NamedTuple):
@@ -210,6 +212,8 @@ class StepBatch(NamedTuple):
     past: list[tuple[float, Floats]]  # time and node positions: the last but one, and before
     samples: Floats          # (k, m, 3) places of some nodes after each good step, see `sampled`
     budget: Floats           # (5,) that of Acceptance, renewed
+    touched: bool            # that of Acceptance, or whether it has in these steps
+    chosen: float            # place from which on it is bent though nothing said how; or infinity
     refused: TimePoint | None         # at the end of the step after that, which is not good
 
 
@@ -305,6 +309,8 @@ class Stepper:
             instants[last] if last > PAST else now,
             [(float(buffer.times[row]), nodes[row].copy()) for row in (last - 2, last - 1)],
             nodes[PAST + 1:last + 1, self.watched], budget,
+            limits.touched or bool(buffer.starts[1, last + 1]),
+            self._chosen(buffer, last, where),
             instants[end] if end > last else None)
 
     def _passed(self, buffer: StepBuffer, last: int, end: int) -> int:
@@ -316,6 +322,31 @@ class Stepper:
             if steps >= 0:
                 return PAST + int(steps)
         return end
+
+    def _chosen(self, buffer: StepBuffer, last: int, where: Floats) -> float:
+        """Return where a straight DLO first buckles that nothing moves to any side; or infinity.
+
+        Its side, and its wave, are chosen then by the length of the step and by rounding errors:
+        nothing that was given tells them.
+        """
+        if not self.grips.kinds:
+            return np.inf
+        most = STRAIGHT * self.discretization.s[-1]
+        nodes, speeds, times = buffer.nodes[0], buffer.nodes[1], buffer.times
+        for row in range(PAST + 1, last + 1):
+            now = row - 1
+            axis = nodes[now, -1] - nodes[now, 0]
+            axis = axis / np.linalg.norm(axis)
+            if not _across(axis, nodes[now] - nodes[now, 0]) < most:
+                return np.inf  # it is bent already
+            grips = np.concatenate([buffer.origins[[now, row]], *buffer.targets[[now, row]]])
+            drawn = max(_across(axis, grips - nodes[now, 0]),
+                        (times[row] - times[now]) * _across(axis, speeds[now] - speeds[now, 0]))
+            turned = max(np.abs(one[row] - one[now]).max() for one in (buffer.bases, buffer.axes))
+            symmetric = drawn < most and turned < STRAIGHT and buffer.proofs[now, 0] < _ROUGHEST
+            if symmetric and _across(axis, nodes[row] - nodes[row, 0]) >= most:
+                return float(where[now])
+        return np.inf
 
     def _integrated(self, system: Problem, how: SchemeCoefficients, buffer: StepBuffer,
                     budget: Floats, options: StepOptions, guess: Floats) -> int:
@@ -360,7 +391,8 @@ class Stepper:
         count_of_holds = len(self.grips.kinds)
         known = shape.wrenches if len(shape.holds) == count_of_holds else np.zeros(
             (count_of_holds, 6))  # what was not held at the beginning has exerted nothing yet
-        row = Row(nodes, bends, shape.frames, shape.gripper_wrench, known,
+        wrench, known = np.nan_to_num(shape.gripper_wrench), np.nan_to_num(known)  # nan: not known
+        row = Row(nodes, bends, shape.frames, wrench, known,
                   np.zeros((1 + count_of_holds, 6)),
                   np.array([shape.residual, shape.stability, 0.0, shape.violation]),
                   shape.iterations, shape.evaluations, energies, shape.converged, 0, False,
@@ -482,7 +514,8 @@ class Stepper:
             limits.patience, self.nearby,
             mesh.held_spring if self.grips.kinds else mesh.spring, *self._held,
             float(limits.error), float(limits.bearing), float(limits.reach), limits.part,
-            limits.noise, limits.began, limits.damps, scheme.dt < _FOLLOWED * self.own_time)
+            limits.noise, limits.began, limits.damps, scheme.dt < _FOLLOWED * self.own_time,
+            limits.touched)
 
     @cached_property
     def _held(self) -> tuple[Ints, Ints, Floats, Bools]:
@@ -507,7 +540,8 @@ class Stepper:
         for one in (getattr(now, name) for name in _WRENCHES):
             wrenches.append(np.zeros((rows, *one.shape)))
             wrenches[-1][PAST] = one
-        impulsive = np.zeros(rows, dtype=np.int64)
+        proofs, impulsive = np.empty((rows, 4)), np.zeros(rows, dtype=np.int64)
+        proofs[PAST] = now.proofs
         after_impact = np.zeros(rows, dtype=bool)
         impulsive[PAST], after_impact[PAST] = now.impulsive, now.after_impact
         # zeros: steps without what may act leave nothing of it
@@ -527,7 +561,7 @@ class Stepper:
             values.append(np.empty((count + room, *value.shape[1:])))
             indices[-1][:count], values[-1][:count] = index[:count], value[:count]
         return StepBuffer(
-            times, *grips, *ends, *courses, frames, *wrenches, np.empty((rows, 4)),
+            times, *grips, *ends, *courses, frames, *wrenches, proofs,
             np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=np.int64), energies,
             np.zeros(rows, dtype=bool), impulsive, after_impact, *left, starts, indices[0],
             values[0], indices[1], values[1], np.zeros(2, dtype=bool))
@@ -543,6 +577,11 @@ class Stepper:
         spans = spans_along(kinds, origins, targets, axes, mesh.s.item(-1))
         return (targets, axes, mesh.grip_rows(kinds, axes),
                 np.array([reach_of(mesh, there, True) for there in spans]))
+
+
+def _across(axis: Floats, ways: Floats) -> float:
+    """Return how far ways (n, 3) lead across an axis (3,) at most."""
+    return float(np.linalg.norm(np.cross(ways, axis), axis=1).max())
 
 
 def _extrapolated(course: Floats, dt: float, share: float) -> Floats:
