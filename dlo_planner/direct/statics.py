@@ -183,6 +183,9 @@ def _accurate(solver: StepSolver, gripper: Pose, initial: Shape | None, how: Ste
             mesh, start, expected = finer.with_nodes(inside) if inside else finer, None, np.inf
         if not _way_counts(shape, initial):
             begin = shape  # a better start; else the step is made again
+        elif initial is None and not shape.dissipated and start is None:
+            # what is set down has no way on which it rubs: it is the start alone that counts
+            start = mesh.strains_from(shape.s, shape.element_strains)
 
 
 def _way_counts(shape: Shape, initial: Shape | None) -> bool:
