@@ -14,6 +14,7 @@ length.
 A permanent set is as exact as the mesh on which it was made, and stays there.
 """
 
+from functools import partial
 from math import ceil, sqrt
 from typing import Any, NamedTuple
 
@@ -29,9 +30,9 @@ from dlo_planner.direct.discretization import (
 )
 from dlo_planner.direct.equilibrium import (
     AlongWay,
-    ErrorOnMesh,
     corrected_by,
     equilibrium,
+    estimated,
     past_of,
 )
 from dlo_planner.direct.shape import LYING, Shape
@@ -60,6 +61,7 @@ _FIRST_TERMS, _MOST_TERMS = 12, 48
 _PER_BEND = 2.5  # elements on (EI / weight per length)^(1/3), over which a soft DLO bends
 _FORESEEN = 2e-3  # the same, of what is expected on a finer mesh
 _TURNED = 0.1  # rad: it is another equilibrium
+_FALLS = 0.3   # rad: a DLO of halved elements that turns so far on its way falls
 _DEFAULT = 1e-3  # of the length
 _SOFT = 27.0      # F L^2 / EI: a DLO that is softer hangs down near the gripper
 _LEAST = 0.15     # of that: one that is held at both ends is not as narrow as it is soft
@@ -110,11 +112,16 @@ def judged(shape: Shape, accuracy: float) -> Shape:
 
 
 def _error_nearby(shape: Shape) -> float:
-    """Return the `Shape.error_estimate`, but infinity where a DLO of halved elements falls."""
+    """Return the `Shape.error_estimate`, but infinity where a DLO of halved elements falls.
+
+    How far elsewhere it lands, which takes ten times as long, does not tell which mesh is fine
+    enough.
+    """
     estimate = shape.state.estimate
-    if not isinstance(estimate, ErrorOnMesh):
+    if not (isinstance(estimate, partial) and estimate.func is estimated):
         return shape.error_estimate
-    return changed(shape, state=changed(shape.state, estimate=estimate.nearby)).error_estimate
+    near = partial(estimate, most=_FALLS)
+    return changed(shape, state=changed(shape.state, estimate=near)).error_estimate
 
 
 def _clearly_within(shape: Shape, accuracy: float) -> bool:

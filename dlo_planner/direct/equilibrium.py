@@ -9,6 +9,7 @@ Most searches are one compiled call (`minimize.solve`). All shapes of simulators
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,7 +68,6 @@ _WHOLE = 100           # Newton steps of a whole step, after its halves: beyond,
 # The same of a fall on halved elements, which tells an error alone: ordinary ones take 45 to 130,
 # and one that was not bounded took 24 s, in vain
 _OF_FALL = 150
-_FALLS = 0.3           # rad: a DLO of halved elements that turns so far on its way falls
 _IN_VAIN = 30          # Newton steps towards what is out of reach
 
 
@@ -292,8 +292,8 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
         self_contacts=self_contacts,
         wrenches=end.wrenches if holds else NO_WRENCHES, dissipated=after.dissipated, parts=None,
         state=State.__new__(State), passed_itself=False)
-    put(shape.state, mesh=mesh, history=after, before=before, estimate=ErrorOnMesh(
-        mesh, gripper, end.strains, end.positions, before, holds, culled),
+    put(shape.state, mesh=mesh, history=after, before=before, estimate=partial(
+        estimated, mesh, gripper, end.strains, end.positions, before, holds, culled, {}),
         culled=culled and not end.acts, kicks=end.kicks)
     return shape
 
@@ -337,51 +337,33 @@ def hanging_shape(mesh: Discretization, gripper: Pose, strains: Floats, frames: 
 
 
 def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: Floats,
-              before: Memory, holds: Holds, culled: bool, most: float = np.inf) -> float:
+              before: Memory, holds: Holds, culled: bool, known: dict[float, float],
+              most: float = np.inf) -> float:
     """Return how far, in m, the nodes are from the true rod's: see `Shape.error_estimate`.
 
     The elements are of second order, so halving them removes three quarters of their error.
     A few Newton steps from the given shape are enough: what they leave undone is far below
     what they find. In contact it may be that the finer DLO finds no equilibrium nearby, let go by
-    friction for instance: then nothing is known, and the estimate is infinite. `most`: of `halved`.
+    friction for instance: then nothing is known, and the estimate is infinite.
+
+    Args:
+        mesh, gripper, strains, positions, before, holds, culled: of the shape
+        known: what has been found for it, by `most`: it is looked for once
+        most: of `halved`
     """
+    if most in known:
+        return known[most]
     if culled and not holds:
         there = solution(mesh.finer, gripper, np.repeat(strains, 2, axis=0), None, (), _HALVED,
                          True).positions
-        return _error_from(mesh, positions, there)
-    finer = halved(mesh, gripper, strains, before, holds, culled, most)
-    return np.inf if finer is None else moved_from(mesh, positions, finer, culled)
-
-
-class ErrorOnMesh:
-    """The error of a Shape by its mesh, m: `estimated` when it is first called, and known then."""
-
-    __slots__ = ('_given', '_known', '_near')
-
-    def __init__(self, *given: Any) -> None:
-        self._given = given  # arguments of `estimated`
-        self._known: float | None = None
-        self._near: float | None = None
-
-    def __call__(self) -> float:
-        """Return it."""
-        if self._known is None:
-            self._known = estimated(*self._given)
-        return self._known
-
-    def nearby(self) -> float:
-        """Return the same, but infinity where a DLO of halved elements falls.
-
-        How far elsewhere it lands, which takes ten times as long, does not tell which mesh is fine
-        enough.
-        """
-        if self._known is not None:
-            return self._known
-        if self._near is None:
-            self._near = estimated(*self._given, _FALLS)
-            if self._near < np.inf:
-                self._known = self._near
-        return self._near
+        error = _error_from(mesh, positions, there)
+    else:
+        finer = halved(mesh, gripper, strains, before, holds, culled, most)
+        error = np.inf if finer is None else moved_from(mesh, positions, finer, culled)
+    known[most] = error
+    if error < np.inf:
+        known[np.inf] = error  # with another `most` it is the same
+    return error
 
 
 class AlongWay(NamedTuple):

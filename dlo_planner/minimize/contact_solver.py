@@ -262,8 +262,9 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             kicks += falls
             # (relaxation finds what has let go of a hand, and a series; a step of a motion, and one
             # that is followed `farthest` alone, can be made in halves, which takes less)
-            if falls or many and (moves_on or local and farthest < np.inf
-                                  or _bearing(there.effects.contact.contacts) > _DENSE):
+            if falls or many and (moves_on or local and farthest < np.inf):
+                break
+            if _bearing(there.effects.contact.contacts) > _DENSE:
                 break
         there, begin, moves = _pressed_out(
             there, begin, length * (_STUCK if attempt > 0 else _DEEP), tolerance, exact,
