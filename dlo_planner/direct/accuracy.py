@@ -28,7 +28,13 @@ from dlo_planner.direct.discretization import (
     nodes_at,
     with_breaks,
 )
-from dlo_planner.direct.equilibrium import AlongWay, corrected_by, equilibrium, estimated, past_of
+from dlo_planner.direct.equilibrium import (
+    AlongWay,
+    corrected_by,
+    equilibrium,
+    estimated,
+    past_of,
+)
 from dlo_planner.direct.shape import LYING, Shape
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
@@ -114,12 +120,8 @@ def _error_nearby(shape: Shape) -> float:
     estimate = shape.state.estimate
     if not (isinstance(estimate, partial) and estimate.func is estimated):
         return shape.error_estimate
-    if 'error_estimate' not in shape.__dict__:
-        near = changed(shape, state=changed(shape.state, estimate=partial(estimate, most=_FALLS)))
-        if near.error_estimate == np.inf:
-            return np.inf
-        shape.__dict__['error_estimate'] = near.error_estimate  # it is the same
-    return shape.error_estimate
+    near = partial(estimate, most=_FALLS)
+    return changed(shape, state=changed(shape.state, estimate=near)).error_estimate
 
 
 def _clearly_within(shape: Shape, accuracy: float) -> bool:

@@ -293,7 +293,7 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
         wrenches=end.wrenches if holds else NO_WRENCHES, dissipated=after.dissipated, parts=None,
         state=State.__new__(State), passed_itself=False)
     put(shape.state, mesh=mesh, history=after, before=before, estimate=partial(
-        estimated, mesh, gripper, end.strains, end.positions, before, holds, culled),
+        estimated, mesh, gripper, end.strains, end.positions, before, holds, culled, {}),
         culled=culled and not end.acts, kicks=end.kicks)
     return shape
 
@@ -337,20 +337,33 @@ def hanging_shape(mesh: Discretization, gripper: Pose, strains: Floats, frames: 
 
 
 def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: Floats,
-              before: Memory, holds: Holds, culled: bool, most: float = np.inf) -> float:
+              before: Memory, holds: Holds, culled: bool, known: dict[float, float],
+              most: float = np.inf) -> float:
     """Return how far, in m, the nodes are from the true rod's: see `Shape.error_estimate`.
 
     The elements are of second order, so halving them removes three quarters of their error.
     A few Newton steps from the given shape are enough: what they leave undone is far below
     what they find. In contact it may be that the finer DLO finds no equilibrium nearby, let go by
-    friction for instance: then nothing is known, and the estimate is infinite. `most`: of `halved`.
+    friction for instance: then nothing is known, and the estimate is infinite.
+
+    Args:
+        mesh, gripper, strains, positions, before, holds, culled: of the shape
+        known: what has been found for it, by `most`: it is looked for once
+        most: of `halved`
     """
+    if most in known:
+        return known[most]
     if culled and not holds:
         there = solution(mesh.finer, gripper, np.repeat(strains, 2, axis=0), None, (), _HALVED,
                          True).positions
-        return _error_from(mesh, positions, there)
-    finer = halved(mesh, gripper, strains, before, holds, culled, most)
-    return np.inf if finer is None else moved_from(mesh, positions, finer, culled)
+        error = _error_from(mesh, positions, there)
+    else:
+        finer = halved(mesh, gripper, strains, before, holds, culled, most)
+        error = np.inf if finer is None else moved_from(mesh, positions, finer, culled)
+    known[most] = error
+    if error < np.inf:
+        known[np.inf] = error  # with another `most` it is the same
+    return error
 
 
 class AlongWay(NamedTuple):

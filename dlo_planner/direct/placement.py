@@ -46,7 +46,9 @@ _FINEST = 3  # times they are made smaller
 _RELAXING = Search(12, False, 1e-5)  # between two parts of a motion
 _AGAIN = 8            # times that what is not out of obstacles yet is sought again there
 _SMALLEST = 2.0**-14  # part of the motion: what cannot be moved by it is blocked
-_MORE_PARTS = 1000    # than the longest would need: what takes more of them has got stuck
+# Than the longest parts would need: what takes more has got stuck. Of 3,900 clear ways among
+# obstacles none took more than 130
+_MORE_SEARCHES = 250
 _SOFT = 0.1           # of the bending stiffness: torsion below it is soft
 _DEPTH = 1e-5         # of the length: depth in obstacles that is allowed while it grows
 _LEFT = 1e-4          # residual at which a step of growth ends; ten times that is still accepted
@@ -305,7 +307,7 @@ def _grow_thickness(mesh: Discretization, gripper: Pose, strains: Floats, holds:
 def _advance_in_parts(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips,
                       memory: Memory, parts: int) -> Predictor:
     """Return where the search begins after a way in parts, around obstacles where it can."""
-    done, step, where, past, left = 0.0, 1.0 / parts, begin.gripper, memory, parts + _MORE_PARTS
+    done, step, where, past, left = 0.0, 1.0 / parts, begin.gripper, memory, parts + _MORE_SEARCHES
     while done < 1.0:
         old = configuration_at(mesh.system(where.rotation), strains)
         target = min(1.0, done + step)
@@ -316,18 +318,20 @@ def _advance_in_parts(mesh: Discretization, strains: Floats, begin: Grips, goal:
         if sweeps_through(system.scene, system.lengths, old.strains, old.rotations,
                           old.positions - shift, new.rotations, new.positions):
             step *= 0.5
-            if step < _SMALLEST or left == 0:
+            if step < _SMALLEST or left <= 0:
                 return Predictor(goal.gripper, strains, past, False)
             continue
-        done, where, left = target, there.gripper, max(left - 1, 0)
+        done, where = target, there.gripper
         step = min(2 * step, 1.0 / parts)
         if done == 1.0:
             break  # what is left is the step itself
         found = minimum(mesh, system, where, new.q, memory, _RELAXING)
+        left -= 1
         for _ in range(_AGAIN):  # what stays behind is deeper in an obstacle in the next part
             if found.violation <= _DEPTH * mesh.s[-1]:
                 break
             found = minimum(mesh, system, where, found.state.q, memory, _RELAXING)
+            left -= 1
         strains = found.state.strains
         if mesh.surroundings.pinned:  # it has turned
             where, first, last = (Pose.from_rotation(pose.position, found.system.base)

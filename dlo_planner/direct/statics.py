@@ -183,6 +183,9 @@ def _accurate(solver: StepSolver, gripper: Pose, initial: Shape | None, how: Ste
             mesh, start, expected = finer.with_nodes(inside) if inside else finer, None, np.inf
         if not _way_counts(shape, initial):
             begin = shape  # a better start; else the step is made again
+        elif initial is None and not shape.dissipated and start is None:
+            # what is set down has no way on which it rubs: it is the start alone that counts
+            start = mesh.strains_from(shape.s, shape.element_strains)
 
 
 def _way_counts(shape: Shape, initial: Shape | None) -> bool:
@@ -272,7 +275,7 @@ def _strategies(mesh: Discretization, gripper: Pose, initial: Shape | None, how:
         if shape is not None:
             return
     if initial is None:
-        yield from _set_down(mesh, gripper, how, past, strains, culled, watch)
+        yield from _set_down(mesh, gripper, how, past, strains, culled, watch, start is not None)
         return
     if mesh.surroundings.pinned:  # it does not turn with its gripper
         gripper = Pose.from_rotation(gripper.position, initial.gripper.rotation)
@@ -286,10 +289,13 @@ def _strategies(mesh: Discretization, gripper: Pose, initial: Shape | None, how:
 
 
 def _set_down(mesh: Discretization, gripper: Pose, how: StepInputs, past: Memory, strains: Floats,
-              culled: bool, watch: Watch | None) -> Strategies:
-    """Yield what `_strategies` does for a DLO that comes from nowhere with strains (N, 3)."""
+              culled: bool, watch: Watch | None, is_there: bool) -> Strategies:
+    """Yield what `_strategies` does for a DLO that comes from nowhere with strains (N, 3).
+
+    `is_there`: whether it is nearly in its grips with them already, by another mesh.
+    """
     holds, newton = how.holds, how.method == 'newton'
-    if holds:
+    if holds and not is_there:
         gripper, strains, past, _ = set_down(mesh, strains, Grips(gripper, holds), past, _settled)
         if newton:
             shape = held_nearby(mesh, gripper, strains, past, holds, culled, watch)

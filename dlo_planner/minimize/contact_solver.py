@@ -66,7 +66,7 @@ from dlo_planner.minimize.newton import (
     newton_descent,
     thorough,
 )
-from dlo_planner.minimize.quasi_static import carried, settle, with_bearing
+from dlo_planner.minimize.quasi_static import carried, settle, with_bearing, without_friction
 from dlo_planner.minimize.relaxation import deepest, relax
 from dlo_planner.minimize.semismooth import (
     bears,
@@ -113,6 +113,9 @@ _MANY, _TRIES = 4, 2
 # With fewer points that bear all are moved to where they are nearest, exactly; more share their
 # forces so that this finds nothing in half of the cases, and takes the time of their square
 _ROLLING = 12
+# With more their equations, which are dense, take seconds: 0.5 s for one step with 280 points, and
+# of those among 30 to 64 as many attempts were in vain as not
+_DENSE = 64
 # rad and of the length: a motion of the gripper with which, of a hundred points a hundredth of the
 # length apart, about one comes to bear; what sticks goes back exactly with it
 _LITTLE = 1e-4
@@ -201,11 +204,13 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             return state, residual, stability, steps, kicks, system, violation
         set_reaction(hold, first)
         kicks = 0  # what falls through obstacles falls nowhere
-    # (a DLO that is set down has no way along which it could have rubbed; between few points a
-    # series waves, and relaxation is as quick, as it is for a series that moves)
+    # (between few points a series waves, and relaxation is as quick, as it is for a series that
+    # moves)
     moves_on = has_inertia(system.effects.anchor)
     local, held = system.basis.shape[1] == 0, row_count(system.needs.border) > 0
-    may_flow = not (on_a_way or past.shape[0] == 0 or moves_on and system.basis.shape[1] > 0)
+    may_flow = not (on_a_way or moves_on and not local)
+    if past.shape[0] == 0:  # what is set down has no way along which it could have rubbed
+        there = system = without_friction(system)
     while max_iterations > 0:
         many = _bearing(there.effects.contact.contacts) >= _MANY
         # (what hangs between grips goes on bearing where it does: relaxation ends in the same shape
@@ -258,6 +263,8 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous, 
             # (relaxation finds what has let go of a hand, and a series; a step of a motion, and one
             # that is followed `farthest` alone, can be made in halves, which takes less)
             if falls or many and (moves_on or local and farthest < np.inf):
+                break
+            if _bearing(there.effects.contact.contacts) > _DENSE:
                 break
         there, begin, moves = _pressed_out(
             there, begin, length * (_STUCK if attempt > 0 else _DEEP), tolerance, exact,
@@ -322,7 +329,8 @@ def _polished(system, q, tolerance, exact, allowed):
     for _ in range(_CYCLES):
         if not (residual < _CLOSE and violation < allowed):
             break
-        if residual > tolerance or constraint_violation(hold, state) > exact:
+        if (not _is_small(system, state, residual, tolerance)
+                or constraint_violation(hold, state) > exact):
             state, _, _, moves, _, _, _ = newton_descent(
                 system, state.q, thorough(tolerance, exact, _POLISH, never, never),
                 new_workspace(system))
@@ -336,11 +344,22 @@ def _polished(system, q, tolerance, exact, allowed):
                 change = max(change, abs(limit - contacts.multiplier[c]) / max(limit, 1e-300))
                 contacts.multiplier[c] = limit
         state, residual, table, violation = kkt_residual(system, state.q)
-        if (residual < tolerance and violation < allowed and change < _SAME_LIMIT
-                and constraint_violation(hold, state) <= exact):
+        if (violation < allowed and change < _SAME_LIMIT
+                and constraint_violation(hold, state) <= exact
+                and _is_small(system, state, residual, tolerance)):
             changes, _ = _exchanged(system, state, allowed, change >= 0.0)
             return not changes, state, residual, violation, steps
     return False, state, residual, violation, steps
+
+
+@kernel
+def _is_small(system, state, residual, tolerance):
+    """Whether a residual is below a tolerance, or, at rest, what rounding leaves of it.
+
+    On many short elements stiff springs leave more. Steps of a motion add up what is left.
+    """
+    return residual < tolerance or not has_inertia(system.effects.anchor) and as_rounded(
+        residual, gradient_noise(system, state), tolerance)
 
 
 @kernel
@@ -359,8 +378,9 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
     steps = kicks = goes_on = 0
     stability, residual, violation, state = np.nan, np.inf, np.inf, new_configuration(system)
     local = system.basis.shape[1] == 0  # waves of a series would touch between its nodes
-    follows, its, there = carried(system, q, previous, turned_from)
-    q = its if follows else q
+    if previous.shape[0]:
+        follows, its, there = carried(system, q, previous, turned_from)
+        q = its if follows else q
     while True:
         there, q, moves, left, falls = settle(there, q, previous, _RESTS,
                                               min(_MOST_FLOW, max_iterations), farthest, flow)
@@ -393,7 +413,8 @@ def _settled(system, q, previous, turned_from, tolerance, exact, max_iterations,
             # is not pressed in, as the next step would push it out, with that energy
             exactly = _bears_inside(firm.effects.contact.contacts) or (
                 violation > exact and has_inertia(system.effects.anchor))
-            if not rests or exactly and _bearing(firm.effects.contact.contacts) < _ROLLING:
+            bearing = _bearing(firm.effects.contact.contacts)
+            if bearing <= _DENSE if not rests else exactly and bearing < _ROLLING:
                 near = firm if rests else with_bearing(there, q, given, rests)
                 borne = reaction_of(hold, row_count(system.needs.border))
                 rolls, its, its_residual, its_stability, moves, loaded, inside = _at_once(

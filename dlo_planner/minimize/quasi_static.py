@@ -262,6 +262,14 @@ def _without_springs(system):
 
 
 @kernel
+def without_friction(system):
+    """Return the same Problem; what is set down slides as it comes to rest."""
+    contact = system.effects.contact
+    return with_contacts(system, contact.contacts, replaced(
+        contact.scene, 'friction', np.zeros_like(contact.scene.friction)))
+
+
+@kernel
 def carried(system, q, previous, base):
     """Return whether a DLO that bears follows its gripper to first order, its unknowns (m, 3) then.
 

@@ -454,7 +454,7 @@ def test_what_takes_too_many_parts_is_given_up_and_said(monkeypatch):
     made.clear()
     arrived = among.solve(last, shape)
     assert arrived.converged and not arrived.jumped and len(made) > 100  # along the rim
-    monkeypatch.setattr(placement, '_MORE_PARTS', 20)
+    monkeypatch.setattr(placement, '_MORE_SEARCHES', 20)
     made.clear()
     stuck = among.solve(last, shape)
     assert len(made) == 21

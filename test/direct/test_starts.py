@@ -22,6 +22,7 @@ from dlo_planner import (
     Sheet,
     Sphere,
 )
+from dlo_planner.direct import equilibrium, placement
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.energy.scene import build_scene, signed_distance
 from dlo_planner.rods import GraspedInside
@@ -226,3 +227,41 @@ def test_a_shape_is_carried_only_where_nothing_holds_it_back():
     for shape in (lying, held):
         with pytest.raises(InvalidTask, match='touches nothing and whose far end is free'):
             shape.moved(shift)
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.5])
+def test_what_is_set_down_on_a_sphere_slides_off_and_comes_to_rest(friction):
+    hose = Rod(2.0, 0.18, 0.25, 0.2, radius=0.01)
+    below = [Plane((0, 0, -0.755), (0, 0, 1), friction=friction),
+             Sphere((0.869, 0, -0.243), 0.12, friction=friction)]
+    direct = DirectSimulator(hose, obstacles=below, basis='local', n_elements=48)
+    shape = direct.solve(Pose((0, 0, 0.04), (0, 0.0469, 0, 0.9989)))
+    assert shape.converged and len(shape.contacts) > 2
+    # there was no way along which it could have rubbed
+    assert all(not contact.friction.any() for contact in shape.contacts)
+
+
+SOFT = Rod.circular(0.3, 0.001, density=1200, youngs_modulus=2e6, poisson_ratio=0.45)
+OVER_A_BAR = [Plane((0, 0, -0.025), (0, 0, 1), friction=0.5),
+              Capsule((0.217, -0.3, -0.014), (0.217, 0.3, -0.014), 0.009, friction=0.5)]
+
+
+def test_a_held_one_grows_among_obstacles_once_whatever_the_mesh(monkeypatch):
+    grown, grow = [], placement._grow_thickness
+    monkeypatch.setattr(placement, '_grow_thickness',
+                        lambda *given: grown.append(given[0].s.size) or grow(*given))
+    shape = DirectSimulator(SOFT, obstacles=OVER_A_BAR, accuracy=1e-4).solve(
+        Pose((0, 0, 0.006), (0, -0.09, 0, 0.996)),
+        far_end=FarEnd(Pose((0.285, 0, 0.006), (0, 0, 0, 1)), 'aligned'))
+    assert shape.converged and shape.error_estimate < 1e-4
+    assert shape.s.size > grown[0] and len(grown) == 1
+
+
+def test_an_accuracy_among_obstacles_is_looked_at_once_a_mesh(monkeypatch):
+    looked, halve = [], equilibrium.halved
+    monkeypatch.setattr(equilibrium, 'halved',
+                        lambda *given: looked.append(given[0].s.size) or halve(*given))
+    shape = DirectSimulator(SOFT, obstacles=OVER_A_BAR, accuracy=1e-5).solve(
+        Pose((0, 0, 0.006), (0, 0, 0, 1)))
+    assert shape.converged and shape.contacts and shape.error_estimate < 1e-5
+    assert looked and len(looked) == len(set(looked))
