@@ -110,7 +110,7 @@ def goes_on():
 
 
 # what is one compiled call, or nearly, and how often it looks at least
-LONG = [(from_afar, 15), (goes_on, 8), (with_moments, 30), (hanging, 3), (held, 4),
+LONG = [(from_afar, 15), (goes_on, 8), (with_moments, 30), (hanging, 3), (held, 3),
         (in_motion, 30), (many, 8), (by_dfp, 10)]
 
 
