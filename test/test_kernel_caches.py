@@ -335,12 +335,15 @@ def test_a_second_installation_compiles_and_keeps_what_has_changed(copied):
 def test_a_file_that_is_not_whole_or_holds_something_else_is_not_used(used):
     files = sorted(kept(used).iterdir())
     assert len(files) == len(KEPT)
-    for k, path in enumerate(files):
-        data = path.read_bytes()
-        path.write_bytes([data[:-9], zlib.compress(pickle.dumps(7)), b'', b'x' * 99, data[9:],
-                          data[:200] + bytes([data[200] ^ 1]) + data[201:], data[::-1]][k % 7])
-    values, found, compiled, _ = run(used)
-    assert (values, found, compiled) == ([3.5, 0.0], [], ALL)
+    damages = [lambda data: data[:-9], lambda data: zlib.compress(pickle.dumps(7)),
+               lambda data: b'', lambda data: b'x' * 99, lambda data: data[9:],
+               lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:],
+               lambda data: data[::-1]]
+    for damage in damages:
+        for path in files:
+            path.write_bytes(damage(path.read_bytes()))
+        values, found, compiled, _ = run(used)
+        assert (values, found, compiled) == ([3.5, 0.0], [], ALL)
     assert run(used)[:3] == [[3.5, 0.0], KEPT, []]
 
 

@@ -192,25 +192,25 @@ def test_a_process_that_is_forked_beside_a_look_has_its_own_threads_of_blas():
 
 
 LOADING = """
-import os, signal, sys, threading
+import os, signal, threading, time
 from numba.core.compiler_lock import global_compiler_lock
 from dlo_planner import Pose, Rod, DirectSimulator
 import dlo_planner.kernels.dispatcher
-def hang():
+def compute():
     rod = Rod.circular(0.5, 1e-3, 7850.0, 2e11, 0.3)
     DirectSimulator(rod).solve(Pose.looking_along((0, 0, 0), (1, 0, 0)))
-loading, done = threading.Event(), threading.Event()
+loading = threading.Event()
 def load():
     with global_compiler_lock:
         loading.set()
-        done.wait(0.5)
+        time.sleep(0.5)
 thread = threading.Thread(target=load)
 thread.start()
 loading.wait()
 child = os.fork()
 if not child:
     signal.alarm(60)
-    hang()
+    compute()
     os._exit(0)
 thread.join()
 print(os.waitpid(child, 0)[1])

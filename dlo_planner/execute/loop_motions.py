@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import ndtri
 
 from dlo_planner.direct.grasp import GraspedInside, Simulator
 from dlo_planner.direct.shape import Shape
@@ -23,7 +24,7 @@ from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.execute.correction_checks import miss_bound, obstacles_around
 from dlo_planner.execute.limiter import used
 from dlo_planner.identify.correction import Correction
-from dlo_planner.identify.estimate import Estimate, way_between
+from dlo_planner.identify.estimate import SHARE, Estimate, way_between
 from dlo_planner.identify.estimator import Swing
 from dlo_planner.identify.online_trajectory import (
     NARROWEST,
@@ -71,7 +72,7 @@ _OF_SPARE = 0.6     # Motion may use this fraction of the room that the bound le
                     # the search takes long, and the motions it finds four times as long.
 _FOR_CORRECTIONS = 0.05  # Until the entry a bound may grow by this fraction of the room.
 LEAST_FOR_MOTION = 0.1  # This fraction of the room is kept for the DLO's deviation in motion.
-_MISSING = 0.05  # Probability with which an entry may miss, as `Estimate.miss` bounds it.
+_MISSING = 1 - SHARE  # Probability with which an entry may miss.
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
 _ALONG = 0.01       # rad; along the normal it passes within rounding, obliquely far beyond this.
 _OF_LIMITS = 0.95   # Motions are made for this fraction of the limits; corrections have the rest.
@@ -221,17 +222,19 @@ class LoopTask:
 
     @property
     def room(self) -> float:
-        """By how much the DLO may miss a place with 95 % without touching a sheet, m.
+        """Largest bound of the miss (95 %) with which an entry is begun, m.
 
-        Who tries until a bound is small enough finds a bound that is small by chance: with each
-        entry that was given up the next one may miss half as likely. What misses is normal in the
-        plane, so the radius of a probability p goes with sqrt(-ln p).
+        At first the free room. Who tries until a bound is small enough finds one that is small by
+        chance: after each entry that was given up the next one may miss half as likely, so all of
+        them together less than twice as likely as one. The bound of a smaller probability is
+        larger by the ratio of quantiles of a normal distribution along a line; where the miss
+        scatters in a plane it is larger by less.
         """
-        likely = _MISSING / 2**self.given_up
-        return self._free * float(np.sqrt(np.log(_MISSING) / np.log(likely)))
+        at_first, likely = ndtri([1 - _MISSING / 2, 1 - _MISSING / 2**(self.given_up + 1)])
+        return self.free_room * float(at_first / likely)
 
     @cached_property
-    def _free(self) -> float:
+    def free_room(self) -> float:
         """By how much the DLO may miss a place without touching a sheet, m."""
         if self.touches and self.most_off is not None:
             return self.most_off
@@ -289,7 +292,7 @@ class LoopTask:
         inverse = InverseSimulator(simulator, workspace=known.workspace,
                                    allow_plastic=known.requirements.allow_plastic)
         if self.touches:
-            return way_onto(inverse, self.task, start, standoff, self.room)
+            return way_onto(inverse, self.task, start, standoff, self.free_room)
 
         def estimated(value: Any) -> Any:
             if isinstance(value, CutOut):

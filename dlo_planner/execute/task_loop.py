@@ -435,8 +435,6 @@ class TaskLoop:
         loop = self._loop.advanced(time, bound, doubted=doubted)
         if loop.phase is Phase.RETREAT:
             self._misses = not doubted
-            if self._misses:
-                self._task = replace(self._task, given_up=self._task.given_up + 1)
             self._to(loop, time)
             self._work = self._done = None
             assert self.execution is not None
@@ -487,6 +485,9 @@ class TaskLoop:
             if loop.tries > before.tries:
                 self._rest(time)
         elif loop.phase is Phase.LOOK and before.phase is Phase.RETREAT:
+            if self._misses:
+                self._task = replace(self._task, given_up=self._task.given_up + 1)
+                self._misses = False
             self._calmed, self._calmings = None, 0
             self._rest(time + _FOLLOWED)
         elif loop.phase is Phase.LOOK and before.phase is Phase.CALM:
@@ -507,8 +508,7 @@ class TaskLoop:
             entry, moves, planned = self._entry, '', ''
             most = f'the room of {self._task.room:.3g} m'  # what was judged
             if self._task.given_up:
-                most += (', which is smaller with each entry that might have missed and was given '
-                         f'up: {self._task.given_up}')
+                most += f', smaller after {self._task.given_up} entries that were given up'
             place = 'the place that it touches' if self._task.touches else 'the center'
             bound = self.miss_bound_95 if self._misses else entry.bound
             if entry.motion is not None:

@@ -64,9 +64,9 @@ class ClosedLoop(Value):
         by less than 15 %: what swings decays, and noise is averaged. If it still exceeds the room
         then, the phase is STOP.
     most_tries : int
-        How often looks may come to disagree until the phase is STOP. Each entry may miss with 5 %,
-        so the more are tried, the more will: none of 26 runs in which looks disagreed three times
-        ever arrived, and two of them pushed the sheet (`benchmarks.cell_trust`).
+        How often it tries again after looks disagreed, or the bound exceeded the room before the
+        entry; the next time the phase is STOP. Each entry may miss with 5 %: the more are tried,
+        the more will.
     phase : Phase
     since : float or None
         Time at which the phase began, s. If None, it begins with the first `advanced`.

@@ -48,7 +48,7 @@ from dlo_planner.uncertainty.state import CameraError, PointSlopes, UncertainSta
 _LEAST_LINK = 1e-3  # of the robot's time or way: links between errors stay regular
 _ROUGH = 2.5      # times the way of a smooth process: then both change alike in that way
 _MOST = 1_000_000  # largest index of a waypoint
-_SHARE = 0.95     # probability that a bound is kept
+SHARE = 0.95     # probability that a bound is kept
 _POINTS = 1024    # that represent a normal distribution in a plane
 _DRAWN = 4096     # misses at all waypoints together
 _OTHER = 0.1      # of the length: a shape whose length differs by more is of another DLO
@@ -172,7 +172,7 @@ class PredictedMiss(Value):
         drawn = self.off.ravel() + np.random.default_rng(0).standard_normal(
             (_DRAWN, self.off.size)) @ _root(self.joint)
         misses = np.linalg.norm(drawn.reshape(_DRAWN, -1, 3), axis=2).max(axis=1)
-        return float(np.quantile(misses, _SHARE))
+        return float(np.quantile(misses, SHARE))
 
     def inside(self, room: float) -> bool:
         """Return whether every bound is at most `room` (m)."""
@@ -188,7 +188,7 @@ def bound_of(off: Floats, covariance: Floats) -> float:
     axes = np.linalg.eigh(covariance + np.outer(off, off))[1][:, -2:].T
     axes *= np.copysign(1.0, axes @ off)[:, None]  # eigenvectors have no sign of their own
     points = axes @ off + _PLANE @ _root(axes @ covariance @ axes.T)  # all equally likely
-    return float(np.quantile(np.linalg.norm(points, axis=1), _SHARE))
+    return float(np.quantile(np.linalg.norm(points, axis=1), SHARE))
 
 
 def _root(covariance: Floats) -> Floats:
