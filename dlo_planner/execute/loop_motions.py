@@ -42,7 +42,7 @@ from dlo_planner.inverse.tasks.move_to import MoveTo
 from dlo_planner.inverse.tasks.thread import Thread, ThreadLookedAt
 from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import flag
+from dlo_planner.model.checks import flag, integer
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, Surface, followed_by
@@ -147,6 +147,7 @@ class LoopTask:
                               'the plan leaves between the DLO and the sheets')
         if self.obliquely is not None:
             flag('obliquely', self.obliquely)
+        integer('given_up', self.given_up, minimum=0, maximum=1000)
         self.room  # noqa: B018  it refuses
 
     @property
@@ -230,7 +231,7 @@ class LoopTask:
         larger by the ratio of quantiles of a normal distribution along a line; where the miss
         scatters in a plane it is larger by less.
         """
-        at_first, likely = ndtri([1 - _MISSING / 2, 1 - _MISSING / 2**(self.given_up + 1)])
+        at_first, likely = ndtri([_MISSING / 2, _MISSING / 2**(self.given_up + 1)])
         return self.free_room * float(at_first / likely)
 
     @cached_property
