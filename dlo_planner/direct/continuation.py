@@ -304,10 +304,9 @@ def _with_error_of_way(previous: Shape, shape: Shape, fell: bool = False) -> Sha
 
 
 def _with_error_of_step(previous: Shape, shape: Shape) -> Shape:
-    """Return a Shape with the error of a single step from a previous one, if it lies and rubs."""
+    """Return a Shape with the error of a single step from a previous one, if it rubs."""
     mesh = shape.state.mesh
     if (mesh is None or shape.state.feed is not None or not alike(previous.holds, shape.holds)
-            or len(shape.contacts) < LYING
             or not any(one.friction.any() for one in shape.contacts)):
         return shape
     strains = previous.element_strains
