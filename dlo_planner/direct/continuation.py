@@ -27,6 +27,7 @@ from dlo_planner.direct.equilibrium import (
     AlongWay,
     equilibrium,
     error_of_fall,
+    error_of_step,
     error_of_way,
     past_of,
 )
@@ -50,6 +51,7 @@ _LONGEST_SHIFT = 0.05   # of the length: the same, of a DLO that touches
 _SHORTEST = 5e-5        # rad and of the length: of parts in which a discontinuity counts as a jump
 # The same of a DLO that lies on something: where it lets go depends on friction by more
 _SHORTEST_LYING = 2e-3
+_FINEST = 32            # equal parts, at most, in which a step is made again for its accuracy
 _LEAST, _MOST = 3, 14   # how often a step in doubt may be halved
 _FAILURES = 7           # the same, where no equilibrium is found
 _AFTER = 3              # the same, for what comes after a jump
@@ -73,7 +75,7 @@ _STEEPEST = 30.0
 
 def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
            at_once: bool = False, halvings: int | None = None, tried: Shape | None = None,
-           falls: bool = False) -> Shape:
+           falls: bool = False, counted: bool = False) -> Shape:
     """Return the Shape at `gripper` that continues `previous`; its `jumped` says if none does.
 
     None does where, in parts of the step however short, it changes more than these can cause,
@@ -88,6 +90,7 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
         halvings: how often a part of a step may be made in halves; None: it is the whole step
         tried: Shape of this part, if it is known
         falls: whether it is known to fall in this part, which is made in halves at once
+        counted: whether the error of its way is wanted however short that is
     """
     whole, last = halvings is None, halvings == 0
     if whole:
@@ -99,7 +102,8 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
     goal = Grips(gripper, holds)
     way = _way(previous, goal)
     if falls and not last:
-        return _in_parts(take, previous, goal, way, halvings, None, None, False, np.inf)
+        return _in_parts(take, previous, goal, way, halvings, None, None, False, np.inf,
+                         counted=counted)
     touched = bool(previous.contacts)
     if (len(previous.contacts) >= LYING and alike(previous.holds, holds) and not last
             and way.size > 2.0 * _SHORTEST_LYING and not _is_long(way, True, at_once)):
@@ -110,7 +114,7 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
                 return _with_error_of_way(previous, there)
         return _in_parts(take, previous, goal, way, halvings, None, half,
                          not (half.converged or half.state.kicks), np.inf, end,
-                         end is not None and _has_fallen(half, end))
+                         end is not None and _has_fallen(half, end), counted)
     shape: Shape | None = None
     first: Shape | None = None
     most, failed = np.inf, False
@@ -130,6 +134,8 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
         if good and (last or not _changes(previous, shape)):
             if last or not shape.contacts or not _is_long(way, touches, at_once):
                 shape = _led(previous, shape)
+                if counted and not last and shape.contacts:  # (the shortest parts tell nothing)
+                    shape = _with_error_of_step(previous, shape)
                 if last or way.size <= _OFF or shape.passed_itself is False:
                     return shape  # else shorter ways tell whether it really does
         elif last:
@@ -140,16 +146,66 @@ def follow(take: Equilibrium, previous: Shape, gripper: Pose, holds: Holds = (),
             agree, first, end = _by_halves(take, previous, goal, shape)
             if agree:  # (the longer a step, the more friction depends on its parts)
                 shape = _led(previous, shape if good else end)
+                if counted and shape.contacts:
+                    shape = (_with_error_of_step if good else _with_error_of_way)(previous, shape)
                 if way.size <= _OFF or shape.passed_itself is False:
                     return shape
         failed = not shape.converged and (most == np.inf or touched and not shape.state.kicks)
         falls = _has_fallen(previous, shape)
-    found = _in_parts(take, previous, goal, way, halvings, shape, first, failed, most, falls=falls)
+    found = _in_parts(take, previous, goal, way, halvings, shape, first, failed, most, falls=falls,
+                      counted=counted)
     if whole and holds and failed and shape is not None:
         # only grips that could not be reached at once are reported
         halves = Try('in halves', 'found' if found.converged else 'not converged')
         found = changed(found, state=changed(found.state, tried=(*shape.state.tried, halves)))
     return found
+
+
+def followed_within(accuracy: float, take: Equilibrium, previous: Shape, shape: Shape,
+                    goal: Grips) -> Shape:
+    """Return a Shape with as many parts of its way as keep the error of that in an accuracy, m.
+
+    Each part adds an error of second order in its length: n of them leave an n-th of it. No more
+    are tried where even the most would leave too much.
+
+    Args:
+        accuracy, take, previous, goal: of the step
+        shape: what `follow` has led to, whose way is `counted`
+    """
+    parts = 1
+    while (more := _parts_needed(shape, accuracy)) > 1 and parts * more <= _FINEST:
+        parts *= more
+        finer = _in_equal_parts(take, previous, goal, parts)
+        if finer is None:
+            return shape
+        shape = finer
+    return shape
+
+
+def _parts_needed(shape: Shape, accuracy: float) -> int:
+    """Return in how many parts a way is in an accuracy, m; 1: it is, or no parts could help."""
+    estimate = shape.state.estimate
+    if shape.jumped or not shape.converged or not isinstance(estimate, AlongWay):
+        return 1
+    off = shape.error_estimate
+    left = accuracy - estimate.on_mesh()
+    if off <= accuracy or left <= 0.0:
+        return 1
+    return 2 if off == np.inf else 2 ** ceil(log2(1.0 + (off - accuracy) / left))
+
+
+def _in_equal_parts(take: Equilibrium, previous: Shape, goal: Grips, parts: int) -> Shape | None:
+    """Return the Shape at the `goal`, which is followed to in so many parts, or None."""
+    shape = previous
+    for left in range(parts, 0, -1):
+        holds = carried_on(goal.holds, shape.holds) if have_rings(goal.holds) else goal.holds
+        there = goal if left == 1 else grips_at(shape, holds).towards(
+            goal._replace(holds=holds), 1.0 / left)
+        rest = follow(take, shape, there.gripper, there.holds, counted=True)
+        if not rest.converged:
+            return None
+        shape = rest if left == parts else _joined(shape, rest)
+    return shape
 
 
 def _may_be_reached_in_parts(shape: Shape) -> bool:
@@ -174,7 +230,7 @@ def _has_fallen(previous: Shape, shape: Shape) -> bool:
 
 def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halvings: int | None,
               shape: Shape | None, half: Shape | None, failed: bool, most: float,
-              end: Shape | None = None, falls: bool = False) -> Shape:
+              end: Shape | None = None, falls: bool = False, counted: bool = False) -> Shape:
     """Return what `follow` does, in two halves.
 
     Args:
@@ -185,6 +241,7 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
         most: see `StepInputs`: with which `shape` was found
         end: what the second half leads to from `half`, if that has been looked for
         falls: whether all of it falls: then the second half does if the first one does not
+        counted: of `follow`
     """
     whole = halvings is None
     if halvings is None:
@@ -195,7 +252,7 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
     there = _partway(previous, goal)
     lying = shape is None and half is not None  # two halves of what lies were looked at
     middle = follow(take, previous, there.gripper, there.holds, False, left, half,
-                    lying and half is not None and _has_fallen(previous, half))
+                    lying and half is not None and _has_fallen(previous, half), counted)
     if not middle.converged:
         if shape is None and not (whole and lying):
             return _jumped(middle)
@@ -209,9 +266,10 @@ def _in_parts(take: Equilibrium, previous: Shape, goal: Grips, way: Way, halving
         known = end if half is not None and middle.state is half.state else None
         after = min(left, _AFTER) if middle.jumped else left
         rest = follow(take, middle, goal.gripper, goal.holds, False,
-                      0 if fell_and_lies else after, known, falls and not middle.jumped)
+                      0 if fell_and_lies else after, known, falls and not middle.jumped, counted)
         if fell_and_lies and not rest.converged:
-            rest = follow(take, middle, goal.gripper, goal.holds, False, after, rest)
+            rest = follow(take, middle, goal.gripper, goal.holds, False, after, rest,
+                          counted=counted)
         if not rest.converged and (whole and lying if shape is None else
                                    whole or shape.converged):
             # the whole step may have an end, which its parts do not reach
@@ -245,6 +303,22 @@ def _with_error_of_way(previous: Shape, shape: Shape, fell: bool = False) -> Sha
     return changed(shape, state=changed(shape.state, estimate=estimate))
 
 
+def _with_error_of_step(previous: Shape, shape: Shape) -> Shape:
+    """Return a Shape with the error of a single step from a previous one, if it rubs."""
+    mesh = shape.state.mesh
+    if (mesh is None or shape.state.feed is not None or not alike(previous.holds, shape.holds)
+            or not any(one.friction.any() for one in shape.contacts)):
+        return shape
+    strains = previous.element_strains
+    if not mesh.has_nodes(previous.s):
+        strains = mesh.strains_from(previous.s, strains)
+    there = _partway(previous, Grips(shape.gripper, shape.holds))
+    way = partial(error_of_step, mesh, shape.gripper, shape.positions, previous.gripper, strains,
+                  past_of(mesh, previous, None), shape.holds, there)
+    return changed(shape, state=changed(shape.state, estimate=AlongWay(
+        shape.state.estimate, (way,))))
+
+
 def _fallen(previous: Shape, shape: Shape) -> Shape:
     """Return a Shape that a DLO has fallen into in a step from a previous one: it says so.
 
@@ -257,6 +331,14 @@ def _fallen(previous: Shape, shape: Shape) -> Shape:
         estimate = AlongWay(shape.state.estimate, falls=(Constant(np.inf),))
         return _jumped(changed(shape, state=changed(shape.state, estimate=estimate)))
     return _with_error_of_way(previous, _jumped(shape), True)
+
+
+def _joined(middle: Shape, rest: Shape) -> Shape:
+    """Return the Shape after another part of a step, which says what happened on both ways."""
+    there, passed = _after_way(middle, rest), _either(middle, rest)
+    if there.passed_itself is not passed:
+        there = changed(there, passed_itself=passed)
+    return _jumped(there) if middle.jumped else there
 
 
 def _after_way(middle: Shape, shape: Shape) -> Shape:

@@ -21,6 +21,7 @@ from dlo_planner.direct.discretization import (
     Discretization,
     Memory,
 )
+from dlo_planner.direct.grips import Grips
 from dlo_planner.direct.search import (
     EXACT,
     KEPT,
@@ -403,6 +404,29 @@ def error_of_way(mesh: Discretization, gripper: Pose, positions: Floats, before:
                         how=how._replace(steps=min(how.steps, _WHOLE)),
                         watch=UNWATCHED._replace(rotation=before.rotation))
     return _largest(whole.positions - positions) if whole.converged else np.inf
+
+
+def error_of_step(mesh: Discretization, gripper: Pose, positions: Floats, before: Pose,
+                  strains: Floats, past: Memory, holds: Holds, halfway: Grips) -> float:
+    """Return how far, in m, nodes are off that a DLO which rubs brought there in a single step.
+
+    That is twice of what they are from where two halves lead, see `error_of_way`, whose arguments
+    these are. Infinite where a half leads nowhere.
+
+    Args:
+        halfway: where the grips are after the first half
+    """
+    rotation = before.rotation
+    for grips in (halfway, Grips(gripper, holds)):
+        how = search_of(mesh, grips.gripper, grips.holds)
+        half = equilibrium(mesh, grips.gripper, strains, past, grips.holds,
+                           how=how._replace(steps=min(how.steps, _WHOLE)),
+                           watch=UNWATCHED._replace(rotation=rotation))
+        if not half.converged:
+            return np.inf
+        rotation, strains = half.gripper.rotation, half.element_strains
+        past = past_of(mesh, half, None)
+    return 2.0 * _largest(half.positions - positions)
 
 
 def error_of_fall(mesh: Discretization, gripper: Pose, positions: Floats, before: Pose,

@@ -629,11 +629,12 @@ class Shape(Pictured):
         least the largest one of the steps that made its permanent set; of a set that a motion made
         nothing is known here, see `Motion.error_estimate`. Where a DLO lies on something, steps are
         made in two halves, as friction depends on the way: by how much these are from the whole
-        step is added; that takes as long as the step. Where a DLO has fallen onto obstacles or
-        along them it may have landed elsewhere: by how much a fall with halved elements ends
-        elsewhere is added (this may take a second), infinity where that does not come to rest soon,
-        or the DLO slides through rings. Later steps start from where it landed, and say nothing of
-        that.
+        step is added; that takes as long as the step. Where `accuracy` was asked for, the
+        same is added of all that rubs, and a step made in up to 32 parts for it. Where a DLO
+        has fallen onto obstacles or along them it may have landed elsewhere: by how much a fall
+        with halved elements ends elsewhere is added (this may take a second), infinity where that
+        does not come to rest soon, or the DLO slides through rings. Later steps start from where it
+        landed, and say nothing of that.
         """
         history = self.state.history
         if history is not None and history.hinge >= 0.0:

@@ -20,7 +20,7 @@ from dlo_planner.direct.accuracy import (
     mesh_to_begin_with,
 )
 from dlo_planner.direct.boundary_motion import held_by, moving_grips, poses
-from dlo_planner.direct.continuation import Equilibrium, follow
+from dlo_planner.direct.continuation import Equilibrium, follow, followed_within
 from dlo_planner.direct.discretization import Discretization, Memory, even_mesh
 from dlo_planner.direct.dynamics import (
     InitialConditions,
@@ -379,7 +379,10 @@ class DirectSimulator(Value):
             if initial is None or not (made_by(self, initial) or initial.state.kept):
                 shape = take(gripper, initial, held)
             else:
-                shape = follow(take, initial, gripper, held, True)
+                shape = follow(take, initial, gripper, held, True, counted=self._asked)
+                if shape.contacts and self.accuracy is not None and self._asked:
+                    shape = followed_within(self.accuracy, take, initial, shape,
+                                            Grips(gripper, held))
             if self.accuracy is not None and self._asked:  # the default is not promised
                 return judged(shape, self.accuracy)
             return shape
@@ -427,8 +430,12 @@ class DirectSimulator(Value):
                 if before is None:
                     shape = self._equilibrium(gripper, initial, there)
                 else:
-                    shape = follow(self._taken_by(there, gripper), before, gripper, there)
+                    take = self._taken_by(there, gripper)
+                    shape = follow(take, before, gripper, there, counted=self._asked)
                     if self.accuracy is not None and self._asked:
+                        if shape.contacts:
+                            shape = followed_within(self.accuracy, take, before, shape,
+                                                    Grips(gripper, there))
                         shape = judged(shape, self.accuracy)
                 shapes.append(shape)
                 if shape.converged or shape.nearly:  # a failure is reported, not carried on

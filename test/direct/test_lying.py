@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes import CABLE, GRAVITY, HELD, SCENES, beyond_cones, deepest, drawn, unbalanced
-from dlo_planner import Capsule, DirectSimulator, FarEnd, Plane, Pose
+from dlo_planner import Capsule, DirectSimulator, FarEnd, Plane, Pose, Rod
 from dlo_planner.direct import equilibrium, statics
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.discretization import even_mesh
@@ -205,3 +205,15 @@ def test_where_halved_elements_bear_elsewhere_the_mesh_is_made_finer():
     shape = direct.solve(Pose((0, 0, 0.02), (0, 0.359787, 0, 0.933035)), far_end=(0.95, 0, 0.02))
     assert shape.converged and shape.contacts
     assert shape.error_estimate < 1e-4
+
+
+def test_a_way_is_followed_in_as_many_parts_as_an_accuracy_needs():
+    # two halves of this step are further from the whole of it than the accuracy
+    hose = Rod.circular(1.0, 4e-3, density=1500, youngs_modulus=5e6, poisson_ratio=0.45)
+    floor = Plane((0, 0, -0.2), (0, 0, 1), friction=0.2)
+    direct = DirectSimulator(hose, obstacles=[floor], accuracy=1e-4)
+    shape = direct.solve(Pose((0, 0, 0), (0, 0, 0, 1)))
+    for moved in (direct.solve, lambda pose, before: direct.track([pose], initial=before)[0]):
+        there = moved(Pose((0.02, 0.01, 0), (0, 0, 0, 1)), shape)
+        assert there.converged and not there.jumped
+        assert there.error_estimate <= 1e-4
