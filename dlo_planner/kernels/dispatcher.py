@@ -44,8 +44,7 @@ _SMALL = 100  # instructions of a kernel that is copied; LLVM inlines up to abou
 KERNELS: dict[Callable[..., Any], Dispatcher] = {}  # all that have been decorated, by function
 
 if hasattr(os, 'register_at_fork'):
-    # A child has the thread alone that forked: what another one holds there is never given back.
-    # So a fork waits until what another thread loads or compiles just then is done.
+    # a child has the thread alone that forked: what another one holds there is never given back
     os.register_at_fork(before=global_compiler_lock.acquire,
                         after_in_parent=global_compiler_lock.release,
                         after_in_child=global_compiler_lock.release)
