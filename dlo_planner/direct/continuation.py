@@ -342,12 +342,17 @@ def _joined(middle: Shape, rest: Shape) -> Shape:
 
 
 def _after_way(middle: Shape, shape: Shape) -> Shape:
-    """Return the Shape after another part of a step, with the errors of both ways."""
+    """Return the Shape after another part of a step, with the errors of both ways.
+
+    What hangs freely does not remember how it has rubbed; where it fell, it may still hang on
+    another side.
+    """
     known, own = middle.state.estimate, shape.state.estimate
     if not isinstance(known, AlongWay):
         return shape
     there = own if isinstance(own, AlongWay) else AlongWay(own)
-    estimate = AlongWay(there.on_mesh, known.ways + there.ways, known.falls + there.falls)
+    ways = known.ways + there.ways if shape.contacts else ()
+    estimate = AlongWay(there.on_mesh, ways, known.falls + there.falls)
     return changed(shape, state=changed(shape.state, estimate=estimate))
 
 

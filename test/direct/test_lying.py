@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes import CABLE, GRAVITY, HELD, SCENES, beyond_cones, deepest, drawn, unbalanced
-from dlo_planner import Capsule, DirectSimulator, FarEnd, Plane, Pose, Rod
+from dlo_planner import Box, Capsule, DirectSimulator, FarEnd, Plane, Pose, Rod
 from dlo_planner.direct import equilibrium, statics
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.discretization import even_mesh
+from dlo_planner.direct.grips import between
 
 
 def simulator(**how):
@@ -217,3 +218,31 @@ def test_a_way_is_followed_in_as_many_parts_as_an_accuracy_needs():
         there = moved(Pose((0.02, 0.01, 0), (0, 0, 0, 1)), shape)
         assert there.converged and not there.jumped
         assert there.error_estimate <= 1e-4
+
+
+def over_a_box(depth):
+    """Return a simulator of a wire over a tilted box with friction, and its first shape."""
+    box = Box(Pose((0.22, 0, depth), (0, 0, -0.19, 0.98)), (0.05, 1, 0.04), friction=0.5)
+    direct = DirectSimulator(Rod(0.5, 0.0139, 0.0497, 0.0382, radius=7.5e-4), obstacles=[box],
+                             accuracy=5e-5)
+    return direct, direct.solve(Pose((0, 0, 0.01), (0, 0, 0, 1)), far_end=(0.475, 0, 0.01))
+
+
+def test_one_point_that_rubs_makes_a_step_depend_on_its_way():
+    direct, first = over_a_box(-0.015)
+    there = Pose((0.0033, 0.0051, 0.016), (0, 0, 0, 1))
+    parts, shape = first, direct.solve(there, first, far_end=(0.475, 0, 0.01))
+    for part in np.arange(1, 17) / 16:
+        parts = direct.solve(between(first.gripper, there, part), parts, far_end=(0.475, 0, 0.01))
+    s = np.linspace(0, 0.5, 51)
+    off = np.linalg.norm(shape.positions_at(s) - parts.positions_at(s), axis=1).max()
+    assert len(shape.contacts) == 1
+    assert 1e-6 < off < shape.error_estimate - shape.state.estimate.on_mesh() < 1e-5
+
+
+def test_what_hangs_freely_does_not_remember_how_it_rubbed():
+    direct, first = over_a_box(-0.023)
+    shape = direct.solve(Pose((0.0033, 0.0051, -0.0042), (0, 0, 0, 1)), first,
+                         far_end=(0.47, 0.0092, 0.009))
+    assert first.contacts and shape.converged and not shape.contacts
+    assert 0 < shape.error_estimate < 1.1e-5  # 3.5e-5 with that of the way
