@@ -41,6 +41,7 @@ from dlo_planner.direct.integrator import (
     consistent_rates,
     integrate,
     is_good,
+    is_straight,
     record_step,
     stability_at,
     step_problem,
@@ -331,13 +332,14 @@ class Stepper:
         """
         if not self.grips.kinds:
             return np.inf
-        most = STRAIGHT * self.discretization.s[-1]
+        length = self.discretization.s.item(-1)
+        most = STRAIGHT * length
         nodes, speeds, times = buffer.nodes[0], buffer.nodes[1], buffer.times
         for row in range(PAST + 1, last + 1):
             now = row - 1
             axis = nodes[now, -1] - nodes[now, 0]
             axis = axis / np.linalg.norm(axis)
-            if not _across(axis, nodes[now] - nodes[now, 0]) < most:
+            if not is_straight(nodes[now], length):
                 return np.inf  # it is bent already
             grips = np.concatenate([buffer.origins[[now, row]], *buffer.targets[[now, row]]])
             drawn = max(_across(axis, grips - nodes[now, 0]),
@@ -345,7 +347,7 @@ class Stepper:
             turned = max(np.abs(one[row, ..., 0] - one[now, ..., 0]).max()  # of the tangents
                          for one in (buffer.bases, buffer.axes))
             symmetric = drawn < most and turned < STRAIGHT and buffer.proofs[now, 0] < _ROUGHEST
-            if symmetric and _across(axis, nodes[row] - nodes[row, 0]) >= most:
+            if symmetric and not is_straight(nodes[row], length):
                 return float(where[now])
         return np.inf
 
