@@ -3,10 +3,12 @@
 """Random columns: straight DLOs that land on their tip, or are pushed on it.
 
 Rods are copper wires, with damping and without, a steel wire, a hose, a cable and a strip; they
-hang straight down from a gripper that is tilted by up to 0.01 and lowered at 0.01 to 2 m/s onto a
-plane, a bar, a box or a sphere that the tip touches at the beginning, or is above by up to 0.01 of
-the length; instants are 0.1 to 5 ms apart. Of each motion the row that `benchmarks.halved` prints,
-and at the end how many of each status there were.
+hang straight down from a gripper that is tilted by up to 0.01 rad and lowered onto a plane, a bar,
+a box or a sphere that the tip touches at the beginning, or is above by up to 0.01 of the length.
+The mean speed is drawn from 0.01 to 2 m/s; the way is at most a quarter of the length and at least
+what closes the gap, so that the largest speeds are 0.022 to 4.3 m/s. Instants are 0.1 to 5 ms
+apart. Of each motion the row that `benchmarks.halved` prints, and at the end how many of each
+status there were.
 
     python -m benchmarks.columns                     64 columns
     python -m benchmarks.columns --first 17 --many 1 one of them

@@ -225,7 +225,8 @@ class InitialConditions(NamedTuple):
     initial: Shape | None
     start: Shape
     velocity: Floats | None
-    fastest: float = 0.0  # m/s, of any node in the motion that it continues
+    fastest: float = 0.0   # m/s, of any node in the motion that it continues
+    touched: bool = False  # whether the DLO has touched an obstacle in that
 
 
 def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
@@ -399,7 +400,7 @@ def _followed(other: _Other, begun: InitialConditions, plan: IntegrationOptions,
     velocity = begun.velocity
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, start.s, one) for one in velocity.T])
-    now = stepper.begin(_start_on(mesh, begun, other.changed), velocity)
+    now = stepper.begin(_start_on(mesh, begun, other.changed), velocity, begun.touched)
     found[0] = worst = _apart(now.positions[other.there], made.positions[0][other.here])
     at, known = 0, 1  # time in units; instants that are known
     energy = _EnergyBudget(now, plan, other.gain)
@@ -502,7 +503,6 @@ def _at_rest_on(shape: Shape, mesh: Discretization,
 
 _LOOKS = 4           # places between two instants where the grips are looked at
 _CLOSE = 3           # halvings of a step that leads a grip into an obstacle, until it is the end
-_STAYS = 4           # instants, or all, at full length: it does not come nearer, under a load
 _TAUT = 1.0          # instants before grips are out of reach: what is nearly taut may end there
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
@@ -530,7 +530,7 @@ class Run(NamedTuple):
 def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
              progress: Progress) -> Motion:
     """Return the Motion that begins so; see `DirectSimulator.simulate`."""
-    first = stepper.begin(begun.start, begun.velocity)
+    first = stepper.begin(begun.start, begun.velocity, begun.touched)
     if begun.velocity is not None:
         check_velocity(stepper.masses, begun.velocity, first.velocities, begun.fastest)
     if not begun.start.converged:
@@ -589,7 +589,6 @@ class _EnergyBudget:
         self.budget = np.array([first.balance, *first.row.energies[[STATIC, STATIC, KINETIC]],
                                 first.balance])
         self.began = first.balance
-        self.touched = len(first.row.contacts) > 0  # or has since the motion began
         self.part, self.guarded = times * _GAIN, times < _UNGUARDED
         # what weight and a bend by 1 rad may do along the ways by which constraints may be missed
         self.noise = times * KEPT * (np.abs(mesh.load).sum() * mesh.rod.length
@@ -612,9 +611,8 @@ class _EnergyBudget:
         # (of so many halvings or more: 1.5 is between the lengths of two levels, 1 and 2)
         damps = self.guarded and scheme.dt < 1.5 * self._stepper.dt / (1 << _DAMPING)
         batch = self._stepper.steps(now, (), places, scheme, Acceptance(
-            part=self.part, noise=self.limit, budget=self.budget, began=self.began, damps=damps,
-            touched=self.touched))
-        self.budget, self.touched = batch.budget, batch.touched
+            part=self.part, noise=self.limit, budget=self.budget, began=self.began, damps=damps))
+        self.budget = batch.budget
         return batch
 
 
@@ -712,7 +710,7 @@ class _StepControl:
                      else plan.tolerance)
         limits = Acceptance(
             MAX_ITERATIONS if patient else _PATIENCE, error, _BEARING * error, reach, energy.part,
-            energy.limit, energy.budget, energy.began, damps, energy.touched)
+            energy.limit, energy.budget, energy.began, damps)
         size = 1 << (HALVINGS - level)
         count = min(most, self._length(size))
         places = (self._at + size * np.arange(1, count + 1)) / (1 << HALVINGS)
@@ -720,7 +718,7 @@ class _StepControl:
         made = len(batch.errors)
         if made:
             self.now, self._past = batch.last, batch.past
-            energy.budget, energy.touched = batch.budget, batch.touched
+            energy.budget = batch.budget
             self._energy = energy
             self._at += made * size
             self._chosen = min(self._chosen, batch.chosen)
@@ -782,12 +780,20 @@ def _blocked(stepper: Stepper, instants: int) -> tuple[float, str]:
 
 
 def _stays_taut(stepper: Stepper, instants: int) -> str:
-    """Return in words that grips stay at full length from the beginning on, '' if they do not."""
-    if not stepper.discretization.loaded or instants < 2:
+    """Return in words that grips stay at full length from the beginning on, '' if they do not.
+
+    Under a load no shape follows then. Where they come nearer later steps tell how long inertia
+    bears the load.
+    """
+    mesh, too_far = stepper.discretization, ''
+    if not mesh.loaded or instants < 2:
         return ''
-    looks = [_out_of_reach(stepper, place, place)
-             for place in range(1, min(_STAYS, instants - 1) + 1)]
-    return looks[0] if all(looks) else ''
+    for place in range(instants):
+        gripper, holds = stepper.grips.at(float(place))
+        too_far = unreached(holds, gripper, mesh.s.item(-1), True)
+        if not too_far:
+            return ''
+    return f'out of reach: from the beginning on {too_far}: no shape of the DLO can follow'
 
 
 def _out_of_reach(stepper: Stepper, begin: float, end: float) -> str:
@@ -819,4 +825,4 @@ def _motion(stepper: Stepper, made: Run, tolerance: float,
         stepper.dt * places, shapes,
         np.array([instant.velocities for instant in reached]), energies[:, KINETIC],
         energies[:, STATIC], energies[:, WORK], energies[:, DAMPED:FRICTION_LOSS + 1], tolerance,
-        made.status, message, **given)
+        made.status, message, _touched=reached[-1].touched, **given)

@@ -241,8 +241,9 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
             if left > 0:
                 credit_renewal(trial, _balance(buffer.energies[row]), options.began, options.noise)
             good = buffer.converged[row] and is_good(buffer, row, trial, options)
-            # a shorter step may be good, where nothing bears however short this one is
-            buckles = not stirred and _is_straight(system, buffer, row - 1)  # at once, in any step
+            # Refuse, so that the step is halved: it may be good then. A straight DLO between grips
+            # is not halved: it buckles in any step.
+            buckles = not stirred and _must_buckle(system, buffer, row - 1)
             if good or not buckles and (not options.damps
                                         or not stirred and options.reach < np.inf):
                 budget[:] = trial if good else budget
@@ -254,21 +255,30 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
 
 
 @kernel
-def _is_straight(system, buffer, row):
-    """Whether the DLO is straight in a row: between several grips it can only buckle."""
-    nodes, last = buffer.nodes[0, row], buffer.nodes.shape[2] - 1
-    most, longest = STRAIGHT * np.sum(system.lengths), 0.0
+def _must_buckle(system, buffer, row):
+    """Whether the DLO is held by several grips, and straight in a row: then it can only buckle."""
+    return buffer.held.shape[1] > 0 and is_straight(buffer.nodes[0, row], np.sum(system.lengths))
+
+
+@kernel
+def is_straight(nodes: Floats, length: float) -> bool:
+    """Whether no node of a DLO of a `length` (m), (N + 1, 3), is off the chord, but for rounding.
+
+    That is, by STRAIGHT of the length.
+    """
+    last, square_of_chord = nodes.shape[0] - 1, 0.0
     for i in range(3):
-        longest += (nodes[last, i] - nodes[0, i]) ** 2
+        square_of_chord += (nodes[last, i] - nodes[0, i]) ** 2
+    most = (STRAIGHT * length) ** 2 * square_of_chord
     for k in range(last):
         square = 0.0
         for i in range(3):
             j, m = (i + 1) % 3, (i + 2) % 3
             square += ((nodes[k, j] - nodes[0, j]) * (nodes[last, m] - nodes[0, m])
                        - (nodes[k, m] - nodes[0, m]) * (nodes[last, j] - nodes[0, j])) ** 2
-        if not square < most * most * longest:
+        if not square < most:
             return False
-    return buffer.held.shape[1] > 0
+    return True
 
 
 @kernel
@@ -351,8 +361,9 @@ def _pushes_little(buffer, row, budget, options):
     """
     energies, before = buffer.energies[row], buffer.energies[row - 1]
     push = energies[CONTACT_WORK] - before[CONTACT_WORK]
-    kept = push + _balance(energies) - _balance(before)  # of it: the rest is lost in the same step
-    excess = _balance(energies) + energies[CONTACT_WORK] - options.began
+    # of it: the rest is lost in the same step
+    kept = _mechanical(energies) - _mechanical(before)
+    excess = _mechanical(energies) - options.began
     return push == 0.0 or max(min(push, kept), excess) <= allowed_gain(
         budget, energies, options.gain, options.noise)
 
@@ -410,8 +421,13 @@ def credit_renewal(budget: Floats, balance: float, began: float, noise: float) -
 @kernel
 def _balance(energies):
     """Return the energy that is there, less what was put in, plus what was taken out, J."""
-    return (energies[KINETIC] + energies[STATIC] - energies[WORK] - energies[CONTACT_WORK]
-            + lost(energies))
+    return _mechanical(energies) - energies[CONTACT_WORK]
+
+
+@kernel
+def _mechanical(energies):
+    """Return the same, J, with the work of contacts along the chords of steps."""
+    return energies[KINETIC] + energies[STATIC] - energies[WORK] + lost(energies)
 
 
 # ------------------------------------------------------------------------------------------------

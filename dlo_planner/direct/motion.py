@@ -14,7 +14,7 @@ from dlo_planner.direct.shape import Shape, pack, unpack
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, estimate, figure, items, results, shown
+from dlo_planner.model.checks import choice, estimate, figure, flag, items, results, shown
 from dlo_planner.model.value import Constant, brief, freeze, put
 from dlo_planner.pictured import Filmed
 from dlo_planner.progress import OnProgress, Progress, interrupted_by
@@ -58,7 +58,8 @@ class Motion(Filmed):
         the step that could not be solved ends, or the last instant before one that gained energy.
     shapes : tuple of Shape
         The n shapes; residual and stability are those of the step's minimization, gripper_wrench
-        includes inertia and damping, error_estimate is infinite (not known).
+        includes inertia and damping (nan at time 0 of a motion from full length), error_estimate is
+        infinite (not known).
     velocities : ndarray, shape (n, N_L + 1, 3)
         Velocities of the nodes, m/s, world axes.
     kinetic_energy : ndarray, shape (n,)
@@ -94,6 +95,8 @@ class Motion(Filmed):
     message: str = ''
     # of the work that it may take at most
     _estimate: Callable[[float], Floats] | None = field(default=None, compare=False)
+    # whether the DLO has touched an obstacle, in this motion or one that it continues
+    _touched: bool = field(default=False, compare=False)
 
     _REMEMBERED = ('error_estimate',)
 
@@ -110,6 +113,7 @@ class Motion(Filmed):
         put(self, velocities=results('Motion.velocities', self.velocities, (n, None, 3)),
             losses=results('Motion.losses', losses, (n, 3)),
             work=results('Motion.work', work, (n,)),
+            _touched=flag('Motion._touched', self._touched),
             tolerance=figure('Motion.tolerance', self.tolerance),
             status=choice('Motion.status', self.status, STATUSES),
             **{name: results(f'Motion.{name}', getattr(self, name), (n,))
@@ -161,7 +165,8 @@ class Motion(Filmed):
         shapes = tuple(unpack(tree[str(k)]) for k in range(len(tree['times'])))
         return cls(shapes=shapes, **{name: tree[name] for name in _ARRAYS},
                    **{name: tree[name].item() for name in _FIGURES},
-                   _estimate=Constant(tree['error_estimate']))
+                   _estimate=Constant(tree['error_estimate']),
+                   _touched=any(shape.contacts for shape in shapes))
 
     def __len__(self) -> int:
         return len(self.times)
@@ -197,13 +202,13 @@ class Motion(Filmed):
 
         energy + dissipated + numerical_loss = energy at time 0 + work. Where the DLO slides along a
         convex obstacle it may fall again, by the work of contacts along the chords of steps, though
-        hardly below zero. Where the last step was not solved, it is that of the instant before.
+        hardly below zero. It is nan where the last step was not solved.
         """
         if not len(self):
             return np.zeros(0)
         result: Floats = self.energy[0] + self.work - self.energy - self.dissipated
         if len(self) > 1 and self.status in _UNFINISHED and not self.shapes[-1].converged:
-            result[-1] = result[-2]
+            result[-1] = np.nan
         return result
 
     @cached_property
@@ -218,8 +223,10 @@ class Motion(Filmed):
         A motion that begins at rest does so there, too: the error of a given Shape at rest is part
         of it. Where neither run could follow, or they part by a quarter of the length, as where a
         DLO may buckle to any side, it is twice the length: no shapes in one gripper are farther
-        apart. It is nan for a motion that does not know: from a file, saved before it was read, or
-        without a shape at time 0, as `message` says then.
+        apart. Where a straight DLO buckles between grips and nothing given tells how, it is at
+        least as far as two shapes in these grips may be apart. It is nan for a motion that does not
+        know: from a file, saved before it was read, or without a shape at time 0, as `message` says
+        then.
         """
         return self._estimated(_AT_ONCE)
 
@@ -267,3 +274,8 @@ class Motion(Filmed):
         """Whether every step was solved, without a gain of energy."""
         return self.status == 'complete' and (
             '_deferred' in self.__dict__ or all(shape.converged for shape in self.shapes))
+
+
+def has_touched(motion: Motion) -> bool:
+    """Whether the DLO has touched an obstacle in a Motion, or in one that this continues."""
+    return motion._touched

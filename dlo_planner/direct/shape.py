@@ -326,7 +326,7 @@ class Shape(Pictured):
         The part of it that is stored in the DLO, J.
     gripper_wrench : ndarray, shape (6,)
         Force (N) and moment about the gripper's origin (N m) that the gripper exerts on the DLO,
-        world axes.
+        world axes; nan at time 0 of a motion from full length, where it is not known.
     residual : float
         Size of the gradient of the potential, relative to the elastic energy and that of a 1 rad
         bend: whether the minimizer finished.
@@ -353,7 +353,8 @@ class Shape(Pictured):
         The A Holds beside the gripper, in the order of their places; one of the tip is the last.
         Of rings, `Hold.s` is the place that is in them here.
     wrenches : ndarray, shape (A, 6)
-        As `gripper_wrench`, what each of them exerts on the DLO, moment about its place.
+        As `gripper_wrench`, nan where that is, what each of them exerts on the DLO, moment about
+        its place.
     dissipated : float
         Energy lost to plastic deformation so far, J.
     parts : tuple or None

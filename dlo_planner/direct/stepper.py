@@ -41,6 +41,7 @@ from dlo_planner.direct.integrator import (
     consistent_rates,
     integrate,
     is_good,
+    is_straight,
     record_step,
     stability_at,
     step_problem,
@@ -55,7 +56,7 @@ from dlo_planner.geometry.self_passage import first_passage
 from dlo_planner.minimize.convergence import accept_by_decrement
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Bools, Floats, Ints
-from dlo_planner.model.holds import spans_along
+from dlo_planner.model.holds import spans_along, unreached
 from dlo_planner.model.value import Constant, freeze
 from dlo_planner.progress import uninterrupted
 
@@ -128,7 +129,8 @@ class TimePoint:
     how: SchemeCoefficients   # of the step there
     begun: Memory             # what the motion began with
     given: Shape | None = None
-    passed: bool = False      # whether the DLO has passed through itself since the motion began
+    passed: bool = False      # whether the DLO has passed through itself since the motion began,
+    touched: bool = False     # and an obstacle, or in a motion that this one continues
 
     @cached_property
     def shape(self) -> Shape:
@@ -200,7 +202,6 @@ class Acceptance(NamedTuple):
     budget: Floats = np.zeros(5)    # as of `integrate`
     began: float = 0.0              # J, balance when the motion began
     damps: bool = False             # whether what is not good otherwise may damp all vibrations
-    touched: bool = False           # whether the DLO has touched an obstacle, see `StepOptions`
 
 
 class StepBatch(NamedTuple):
@@ -212,7 +213,6 @@ class StepBatch(NamedTuple):
     past: list[tuple[float, Floats]]  # time and node positions: the last but one, and before
     samples: Floats          # (k, m, 3) places of some nodes after each good step, see `sampled`
     budget: Floats           # (5,) that of Acceptance, renewed
-    touched: bool            # that of Acceptance, or whether it has in these steps
     chosen: float            # place from which on it is bent though nothing said how; or infinity
     refused: TimePoint | None         # at the end of the step after that, which is not good
 
@@ -279,7 +279,7 @@ class Stepper:
         for row, (time, positions) in enumerate(past or [
                 (buffer.times[PAST] - k * scheme.dt, now.positions) for k in (2, 1)]):
             buffer.times[row], buffer.nodes[0, row] = time, positions
-        how, options = self.coefficients(scheme), self._options(scheme, limits)
+        how, options = self.coefficients(scheme), self._options(scheme, limits, now.touched)
         system, budget = self._problem(culled), limits.budget.copy()
         if self.method == 'newton':
             after, impact = (self.coefficients(Scheme(name, scheme.dt))
@@ -301,7 +301,8 @@ class Stepper:
         kept = [row for row in range(PAST + 1, last + 1) if where[row] == np.rint(where[row])]
         rows = sorted({*kept, *([last] if last > PAST else []), *([end] if end > last else [])})
         instants = {row: TimePoint(float(where[row]), one, self, free, how, now.begun,
-                                   passed=now.passed or row > passed)
+                                   passed=now.passed or row > passed,
+                                   touched=now.touched or bool(buffer.starts[1, row + 1]))
                     for row, one in zip(rows, Row.of(buffer, rows), strict=True)}
         nodes = buffer.nodes[0]
         return StepBatch(
@@ -309,7 +310,6 @@ class Stepper:
             instants[last] if last > PAST else now,
             [(float(buffer.times[row]), nodes[row].copy()) for row in (last - 2, last - 1)],
             nodes[PAST + 1:last + 1, self.watched], budget,
-            limits.touched or bool(buffer.starts[1, last + 1]),
             self._chosen(buffer, last, where),
             instants[end] if end > last else None)
 
@@ -327,24 +327,27 @@ class Stepper:
         """Return where a straight DLO first buckles that nothing moves to any side; or infinity.
 
         Its side, and its wave, are chosen then by the length of the step and by rounding errors:
-        nothing that was given tells them.
+        nothing that was given tells them. A twist does not: turned by half a turn about its axis,
+        what is straight and twisted is the same.
         """
         if not self.grips.kinds:
             return np.inf
-        most = STRAIGHT * self.discretization.s[-1]
+        length = self.discretization.s.item(-1)
+        most = STRAIGHT * length
         nodes, speeds, times = buffer.nodes[0], buffer.nodes[1], buffer.times
         for row in range(PAST + 1, last + 1):
             now = row - 1
             axis = nodes[now, -1] - nodes[now, 0]
             axis = axis / np.linalg.norm(axis)
-            if not _across(axis, nodes[now] - nodes[now, 0]) < most:
+            if not is_straight(nodes[now], length):
                 return np.inf  # it is bent already
             grips = np.concatenate([buffer.origins[[now, row]], *buffer.targets[[now, row]]])
             drawn = max(_across(axis, grips - nodes[now, 0]),
                         (times[row] - times[now]) * _across(axis, speeds[now] - speeds[now, 0]))
-            turned = max(np.abs(one[row] - one[now]).max() for one in (buffer.bases, buffer.axes))
+            turned = max(np.abs(one[row, ..., 0] - one[now, ..., 0]).max()  # of the tangents
+                         for one in (buffer.bases, buffer.axes))
             symmetric = drawn < most and turned < STRAIGHT and buffer.proofs[now, 0] < _ROUGHEST
-            if symmetric and _across(axis, nodes[row] - nodes[row, 0]) >= most:
+            if symmetric and not is_straight(nodes[row], length):
                 return float(where[now])
         return np.inf
 
@@ -372,9 +375,11 @@ class Stepper:
 
     # ---- how a motion begins --------------------------------------------------------------------
 
-    def begin(self, shape: Shape, velocity: Floats | None = None) -> TimePoint:
+    def begin(self, shape: Shape, velocity: Floats | None = None,
+              touched: bool = False) -> TimePoint:
         """Return the TimePoint at time 0 of a DLO that is free to move from now on.
 
+        `touched`: whether it has touched an obstacle in a motion that this one continues.
         Its acceleration is what a very short first step, of constant acceleration, finds. Where
         that strikes an obstacle there is none: a column that is pressed along itself buckles in the
         step, under a force that is the larger the shorter it is, and none at time 0.
@@ -391,7 +396,9 @@ class Stepper:
         count_of_holds = len(self.grips.kinds)
         known = shape.wrenches if len(shape.holds) == count_of_holds else np.zeros(
             (count_of_holds, 6))  # what was not held at the beginning has exerted nothing yet
-        wrench, known = np.nan_to_num(shape.gripper_wrench), np.nan_to_num(known)  # nan: not known
+        wrench, (gripper, holds) = shape.gripper_wrench, self.grips.at(0.0)
+        if mesh.loaded and unreached(holds, gripper, mesh.s.item(-1), True):
+            wrench, known = np.nan_to_num(wrench), np.nan_to_num(known)  # see `at_full_length`
         row = Row(nodes, bends, shape.frames, wrench, known,
                   np.zeros((1 + count_of_holds, 6)),
                   np.array([shape.residual, shape.stability, 0.0, shape.violation]),
@@ -400,7 +407,8 @@ class Stepper:
                   np.zeros((count, 2), dtype=np.int64), np.zeros((count, 15)))
         shape = replace(shape, state=replace(shape.state, estimate=_NOT_ESTIMATED))
         now = TimePoint(0.0, row, self, not count and left.idle,
-                        self.coefficients(Scheme('paper', 1.0)), left, shape)
+                        self.coefficients(Scheme('paper', 1.0)), left, shape,
+                        touched=touched)
         begun, touches = self._with_rates(now, _AT_FIRST * self.dt, velocity is not None)
         if touches and velocity is None and self._strikes(begun, row):
             means = np.concatenate([[row.wrenches], row.hold_wrenches])
@@ -443,7 +451,8 @@ class Stepper:
         buffer = self._buffer(now.place + ahead * np.array([0.0, 1.0, 2.0, 0.0, -1.0]), now.row)
         uninterrupted(consistent_rates(
             self._problem(self.hangs_from(now)), self.coefficients(brief, (0.0, 0.0)),
-            self.coefficients(brief), buffer, going, self._options(brief, Acceptance(), _AT_ONCE)))
+            self.coefficients(brief), buffer, going,
+            self._options(brief, Acceptance(), exact=_AT_ONCE)))
         energies = now.row.energies.copy()
         energies[[KINETIC, WORK]] = buffer.energies[PAST, [KINETIC, WORK]]
         if now.place == 0.0:  # no work is done yet
@@ -505,7 +514,8 @@ class Stepper:
             known = self._known[scheme, damping] = scheme.coefficients(damping, self.masses)
         return known
 
-    def _options(self, scheme: Scheme, limits: Acceptance, exact: float = EXACT) -> StepOptions:
+    def _options(self, scheme: Scheme, limits: Acceptance, touched: bool = False,
+                 exact: float = EXACT) -> StepOptions:
         mesh, left = self.discretization, self._rounding(scheme)
         rounding = min(left, _ROUGHEST)
         return StepOptions(
@@ -515,7 +525,7 @@ class Stepper:
             mesh.held_spring if self.grips.kinds else mesh.spring, *self._held,
             float(limits.error), float(limits.bearing), float(limits.reach), limits.part,
             limits.noise, limits.began, limits.damps, scheme.dt < _FOLLOWED * self.own_time,
-            limits.touched)
+            touched)
 
     @cached_property
     def _held(self) -> tuple[Ints, Ints, Floats, Bools]:

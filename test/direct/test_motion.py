@@ -41,6 +41,7 @@ from dlo_planner import (
 from dlo_planner.direct import dynamics
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory, moving_grips
 from dlo_planner.direct.integrator import KINETIC, WORK, Scheme, within_energy_budget
+from dlo_planner.direct.motion import has_touched
 from dlo_planner.direct.stepper import Acceptance, Stepper
 from dlo_planner.minimize.newton import newton
 from dlo_planner.results import Motion
@@ -639,10 +640,11 @@ def test_columns_that_touch_at_the_start_buckle(scene):
     last = motion.shapes[-1].positions - motion.shapes[-1].positions[0]
     beside = np.linalg.norm(np.cross(last, axis), axis=1).max()
     way = scene.get('way', 0.021)
-    assert 0.1 * np.sqrt(way * STEEL.length) < beside < 0.8 * np.sqrt(way * STEEL.length)
+    most = 0.7 if motion.shapes[-1].contacts else 0.8  # inertia has drawn the tip off
+    assert 0.1 * np.sqrt(way * STEEL.length) < beside < most * np.sqrt(way * STEEL.length)
     assert sum(bool(shape.contacts) for shape in motion.shapes) > 3
     # nothing is pressed in, to be pushed out by the next step
-    assert max(shape.violation for shape in motion.shapes) < 1e-7
+    assert max(shape.violation for shape in motion.shapes) < 1.1e-8 * STEEL.length
     moved = np.ptp(motion.potential_energy) + motion.kinetic_energy.max()
     assert motion.numerical_loss.min() > -1e-3 * moved
     assert motion.work.max() < 1.5 * moved  # by no force of springs that it is pressed in by
@@ -656,12 +658,19 @@ def test_what_is_straight_to_rounding_buckles_to_one_side(scene):
         assert np.abs(other - ends[0]).max() < 0.1 * beside
 
 
-def led_together(thing, axis, gravity, grip='clamped', slack=0.0, instants=21, dt=0.02, way=0.02):
-    """Return the motion in which each end of a straight DLO goes a `way`, times its length."""
+def led_together(thing, axis, gravity, grip='clamped', slack=0.0, instants=21, dt=0.02, way=0.02,
+                 twist=0.0):
+    """Return the motion in which each end of a straight DLO goes a `way`, times its length.
+
+    Meanwhile the far end turns about the axis, by `twist`, rad.
+    """
     axis, t = np.array(axis), np.linspace(0, 1, instants)
-    ways = way * thing.length * (t - np.sin(2 * np.pi * t) / (2 * np.pi))
-    ends = [FarEnd(Pose.looking_along(axis * (thing.length * (1 - slack) - way), axis), grip)
-            for way in ways]
+    part = t - np.sin(2 * np.pi * t) / (2 * np.pi)
+    ways, here = way * thing.length * part, Pose.looking_along((0, 0, 0), axis)
+    ends = [FarEnd(Pose.from_rotation(
+        axis * (thing.length * (1 - slack) - way),
+        Rotation.from_rotvec(axis * turn).as_matrix() @ here.rotation), grip)
+            for way, turn in zip(ways, twist * part, strict=True)]
     return DirectSimulator(thing, gravity=gravity).simulate(
         [Pose.looking_along(axis * way, axis) for way in ways], dt, far_ends=ends)
 
@@ -716,7 +725,9 @@ def test_new_rates_between_two_grips_are_their_work_and_make_no_energy():
     work = fresh.row.energies[WORK] - now.row.energies[WORK]
     assert work == pytest.approx(np.sum(impulse * at_rest), rel=0.03)
     assert np.sum(impulse * at_rest) != pytest.approx(np.sum(impulse * wrong[1]), rel=0.1)
-    assert now.balance - fresh.balance > 1e-6
+    # the rest of what they change is lost: it is the kinetic energy of the difference
+    lost = 0.5 * (stepper.masses @ np.sum((fresh.velocities - wrong[1])**2, axis=1))
+    assert now.balance - fresh.balance == pytest.approx(lost, rel=0.03)
 
 
 def test_a_strip_that_tilts_on_its_edge_makes_no_energy():
@@ -743,6 +754,7 @@ def test_a_motion_that_leads_grips_out_of_reach_says_so():
     motion = direct.simulate([here] * 6, 0.2, direct.solve(here, far_end=ends[0]), far_ends=ends)
     assert motion.status == 'blocked'
     assert motion.message.startswith('out of reach: at 0.6 s the far end is held')
+    assert np.isfinite(motion.numerical_loss[:-1]).all() and np.isnan(motion.numerical_loss[-1])
 
 
 def test_a_motion_from_full_length_may_begin_slowly():
@@ -759,16 +771,23 @@ def test_grips_that_stay_at_full_length_are_out_of_reach(dt):
     ends = [FarEnd(Pose.looking_along((1, 0, 0), (1, 0, 0)))] * 6
     motion = DirectSimulator(COPPER_WIRE).simulate([LEVEL] * 6, dt, far_ends=ends, deadline=5)
     assert motion.status == 'blocked' and len(motion) == 1
-    assert motion.message.startswith(f'out of reach: at {dt:g} s')
+    assert motion.message.startswith('out of reach: from the beginning on the far end is held 1 m')
     still = DirectSimulator(COPPER_WIRE, gravity=(0, 0, 0)).simulate([LEVEL] * 6, dt, far_ends=ends)
     assert still.converged
 
 
+def test_grips_that_come_to_full_length_are_followed_until_then():
+    ends = [FarEnd(Pose.looking_along((x, 0, 0), (1, 0, 0))) for x in (0.99, 0.999, 1, 1, 1, 1, 1)]
+    motion = DirectSimulator(COPPER_WIRE).simulate([LEVEL] * 7, 0.02, far_ends=ends)
+    assert motion.status == 'blocked' and motion.times[-1] > 0.02
+    assert motion.message.startswith('out of reach: at 0.0')
+
+
 @pytest.mark.parametrize('grip', ['clamped', 'pinned'])
-@pytest.mark.parametrize('dt', [1e-3, 5e-3, 0.05])
-def test_where_nothing_tells_how_it_buckles_the_estimate_is_how_far_it_may_be(grip, dt):
-    # in waves that depend on the steps: the fourth mode, the second, the first
-    motion = led_together(COPPER_WIRE, (1, 0, 0), (0, 0, 0), grip, way=1e-3, dt=dt)
+@pytest.mark.parametrize(('dt', 'twist'), [(1e-3, 0.0), (5e-3, 0.0), (0.05, 0.0), (0.05, 1e-3)])
+def test_where_nothing_tells_how_it_buckles_the_estimate_is_how_far_it_may_be(grip, dt, twist):
+    # in waves that depend on the steps
+    motion = led_together(COPPER_WIRE, (1, 0, 0), (0, 0, 0), grip, way=1e-3, dt=dt, twist=twist)
     assert motion.converged, motion.message
     assert motion.error_estimate[0] < 1e-9
     assert motion.error_estimate[-1] >= np.sqrt(1 - 0.998**2) * (1 - 1e-9)
@@ -777,10 +796,11 @@ def test_where_nothing_tells_how_it_buckles_the_estimate_is_how_far_it_may_be(gr
     assert known.error_estimate[-1] < 0.03
 
 
-def test_a_dlo_that_has_bounced_moves_freely_again():
+def test_a_dlo_that_has_bounced_moves_freely_again(tmp_path):
     thing, options = rod(damping=(0.0, 5e-4)), {'n_elements': 24, 'basis': 'local'}
-    ways = 0.1 * np.sin(np.pi * np.arange(0, 0.7, 1e-2)) ** 2
+    ways = 0.1 * np.sin(np.pi * np.arange(0, 0.8, 1e-2)) ** 2
     poses = [Pose((way, 0, 1 - way), (0, 0, 0, 1)) for way in ways]
+    poses, later = poses[:70], [poses[69:74], poses[73:78]]
     low = DirectSimulator(thing, **options).solve(poses[0]).positions[:, 2].min()
     floor = Plane((0, 0, low - 0.05), (0, 0, 1))
     direct = DirectSimulator(thing, obstacles=[floor], **options)
@@ -790,6 +810,12 @@ def test_a_dlo_that_has_bounced_moves_freely_again():
     assert any(touched) and not any(touched[-15:])
     ours, true = (np.array([shape.positions for shape in one.shapes]) for one in (motion, fine))
     assert np.abs(ours - true).max() < 1e-3
+    # that it has is known to the motion that continues this one, and to the one after that
+    motion.save(tmp_path / 'motion.npz')
+    for known in (motion, Motion.load(tmp_path / 'motion.npz')):
+        second = direct.simulate(later[0], 1e-2, known)
+        third = direct.simulate(later[1], 1e-2, second)
+        assert has_touched(third) and not any(shape.contacts for shape in second.shapes)
 
 
 def test_what_lands_between_two_nodes_is_noticed_at_once():
