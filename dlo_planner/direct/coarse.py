@@ -29,7 +29,8 @@ def coarsely(mesh: Discretization, gripper: Pose, holds: Holds, memory: Memory, 
     """Return gripper, strains (N, 3) and the past of a DLO near its shape; None if none is found.
 
     `led` leads it there from its natural shape on a coarser mesh, in as many `parts` as it would be
-    here, and returns as much and whether it has arrived. Only where the gripper clamps the DLO, one
+    here, and returns gripper, strains and memory at the end of the way, and whether the DLO got
+    there. Only where the gripper clamps the DLO, one
     grip holds its tip, some of it is slack, and nothing is varied or yields.
     """
     coarse = mesh.coarser

@@ -814,13 +814,13 @@ class Discretization(Value):
 
     @cached_property
     def restriction(self) -> Floats:
-        """(16, N): times strains on this mesh they are averaged over elements of the `coarser`."""
+        """(16, N): matrix that averages strains of this mesh over the elements of `coarser`."""
         assert self.coarser is not None
         return mapped(self.s, np.eye(self.s.size - 1), self.coarser.s)
 
     @cached_property
     def prolongation(self) -> Floats:
-        """(N, 16): times strains on the `coarser` mesh they are as linear here between elements."""
+        """(N, 16): matrix that interpolates strains of `coarser` linearly."""
         assert self.coarser is not None
         middles, wanted = (0.5 * (s[1:] + s[:-1]) for s in (self.coarser.s, self.s))
         of = np.searchsorted(self.coarser.s, wanted) - 1  # the element in which each finer one lies

@@ -349,7 +349,7 @@ def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: F
 
     Args:
         mesh, gripper, strains, positions, before, holds, culled: of the shape
-        known: what has been found for it, by `most`: it is looked for once
+        known: estimates found so far, by `most`; filled here
         most: of `halved`
     """
     if most in known:

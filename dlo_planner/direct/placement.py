@@ -47,7 +47,8 @@ _RELAXING = Search(12, False, 1e-5)  # between two parts of a motion
 _AGAIN = 8            # times that what is not out of obstacles yet is sought again there
 _SMALLEST = 2.0**-14  # part of the motion: what cannot be moved by it is blocked
 # Than the longest parts would need: what takes more has got stuck. Of 3,900 clear ways among
-# obstacles none took more than 130
+# obstacles none took more than 130: a third would refuse some of them, and three times as many only
+# take three times as long to refuse what is stuck
 _MORE_SEARCHES = 250
 _SOFT = 0.1           # of the bending stiffness: torsion below it is soft
 _DEPTH = 1e-5         # of the length: depth in obstacles that is allowed while it grows
@@ -157,12 +158,14 @@ def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips
     What is left is the last part, unless it goes the `whole` way. Where the DLO does not follow
     the way is left there; then a whole one is not clear.
     """
-    holds, first, last, done = goal.holds, begin.gripper, goal.gripper, 0.0
+    holds, first, last = goal.holds, begin.gripper, goal.gripper
+    done, arrived = 0.0, False
     for finer in range(_FINEST):
         count = int(np.ceil(parts * _FINER**finer * (1.0 - done) - 1e-9))
-        if count <= 1 and not whole:
+        parts_gone = count if whole else count - 1
+        if parts_gone == 0:
             break
-        shares = done + (1.0 - done) * np.arange(1, count + whole) / count
+        shares = done + (1.0 - done) * np.arange(1, parts_gone + 1) / count
         gripped, bases = _way(first, last, shares)
         held_at, axes = (np.empty((shares.size, len(holds), 3)),
                          np.empty((shares.size, len(holds), 3, 3)))
@@ -187,12 +190,12 @@ def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips
                 system, displaced, q, bases, targets, axes, rows))
         strains = mesh.strains_of(q)
         memory = changed(memory, hold=forces)
-        if gone == len(shares):
+        arrived = gone == len(shares)
+        if arrived:
             break
         done = shares[gone - 1] if gone else done
-    else:  # (of what is to come near alone it does not matter)
-        return Predictor(last, strains, memory, not whole)
-    return Predictor(last, strains, memory)
+    # only a whole way has to arrive; the others begin a search
+    return Predictor(last, strains, memory, arrived or not whole)
 
 
 def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:

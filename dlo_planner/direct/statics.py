@@ -181,21 +181,24 @@ def _accurate(solver: StepSolver, gripper: Pose, initial: Shape | None, how: Ste
             if finer is None:
                 return judged(shape, wanted)
             mesh, start, expected = finer.with_nodes(inside) if inside else finer, None, np.inf
-        if not _way_counts(shape, initial):
+        if initial is None and _may_dissipate(first):
+            # what is set down has no way on which it rubs or yields: it is the start that counts
+            if start is None and not shape.dissipated:
+                start = mesh.strains_from(shape.s, shape.element_strains)
+        elif initial is None or not _way_counts(shape):
             begin = shape  # a better start; else the step is made again
-        elif initial is None and not shape.dissipated and start is None:
-            # what is set down has no way on which it rubs: it is the start alone that counts
-            start = mesh.strains_from(shape.s, shape.element_strains)
 
 
-def _way_counts(shape: Shape, initial: Shape | None) -> bool:
-    """Whether a Shape depends on the way that led to it, and not only where that ended."""
-    around, held = shape.state.made_on.surroundings, bool(shape.holds)
-    if shape.state.culled:
-        return held and initial is not None
-    rubs = any(one.friction for one in around.obstacles)
-    return bool(around.rod.yields
-                or (around.obstacles or held) and (initial is not None or rubs))
+def _may_dissipate(mesh: Discretization) -> bool:
+    """Whether a DLO may lose energy on its way: what yields, or rubs."""
+    around = mesh.surroundings
+    return bool(around.rod.yields or any(one.friction for one in around.obstacles))
+
+
+def _way_counts(shape: Shape) -> bool:
+    """Whether a Shape that follows another depends on the way, and not only on where that ended."""
+    around = shape.state.made_on.surroundings
+    return bool(shape.holds or not shape.state.culled and (around.rod.yields or around.obstacles))
 
 
 def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepInputs = ALONE,

@@ -113,8 +113,8 @@ _MANY, _TRIES = 4, 2
 # With fewer points that bear all are moved to where they are nearest, exactly; more share their
 # forces so that this finds nothing in half of the cases, and takes the time of their square
 _ROLLING = 12
-# With more their equations, which are dense, take seconds: 0.5 s for one step with 280 points, and
-# of those among 30 to 64 as many attempts were in vain as not
+# Points. Their dense equations take the cube of their number: 0.5 s a step with 280. Attempts with
+# 30 to 64 points fail as often as not
 _DENSE = 64
 # rad and of the length: a motion of the gripper with which, of a hundred points a hundredth of the
 # length apart, about one comes to bear; what sticks goes back exactly with it

@@ -26,6 +26,7 @@ from dlo_planner import (
 )
 from dlo_planner.direct.self_contact import may_have_met
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.statics import StepInputs, step
 from dlo_planner.geometry.writhe import link
 
 LENGTH, RADIUS, EI = 0.6, 0.006, 1.2e-3
@@ -87,6 +88,23 @@ def test_its_link_is_that_of_its_grips(shapes):
     lost = wound(simulator())
     assert any(one.passed_itself is not False for one in lost)
     assert links(lost)[-1] < known[-1] - 1.0
+
+
+def test_a_single_step_does_not_lead_a_loop_through_itself():
+    # the tip crosses above the strand at the gripper, and goes below it: parts of the way that are
+    # large, and not looked at, take it through that strand, and two turns of the link with it
+    one, loop = simulator(self_contact=True), None
+    for part in np.linspace(0.3, 1.0, 12):
+        angle = 1.5 * np.pi * part
+        place = np.array([0.45, 0.35, 0]) + part * np.array([-0.35, -0.45, 0.03])
+        loop = one.solve(GRIPPER, loop, far_end=Pose.looking_along(
+            place, (np.cos(angle), np.sin(angle), 0)))
+    assert loop.converged and loop.passed_itself is False
+    for x in (0.04, 0.05, 0.06):
+        below = FarEnd(Pose.looking_along((x, -0.05, -0.02), (0, -1, 0)))
+        shape = step(one.mesh, GRIPPER, loop, StepInputs(holds=(below,)))
+        assert shape.converged
+        assert links([shape])[0] == pytest.approx(links([loop])[0], abs=0.1)
 
 
 def test_forces_balance_and_what_is_inside_agrees_with_its_strains(shapes):

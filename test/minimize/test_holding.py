@@ -14,6 +14,7 @@ from dlo_planner.energy.grip import constraint_value
 from dlo_planner.energy.potential import configuration_at, evaluate
 from dlo_planner.energy.problem import new_configuration
 from dlo_planner.minimize.hessian import assemble, new_hessian
+from dlo_planner.minimize.newton import follow_homotopy
 from dlo_planner.model.holds import GRIPS, Hold
 
 SIMULATORS = ({'basis': 'local', 'n_elements': 32}, {'n_elements': 32}, {})
@@ -160,3 +161,25 @@ def test_the_rows_of_a_grip_are_its_derivatives(basis, grip, springs, nodes, rng
     h = 1e-6
     slope = (missed(state.q + h * along) - missed(state.q - h * along)) / (2 * h)
     np.testing.assert_allclose(np.tensordot(rows, along, 2), slope, rtol=0, atol=1e-8)
+
+
+def test_forces_at_the_end_of_a_way_are_those_of_its_last_good_part():
+    # no DLO is as long as the whole way: a part fails, and moves the forces on its way there
+    simulator = DirectSimulator(Rod(1.0, 0.05, 1.0, 0.8), n_elements=32, basis='local')
+    mesh, start = simulator.mesh, simulator.solve(Pose.identity(), far_end=(0.9, 0, 0))
+    ends = [FarEnd.of((x, 0, 0)) for x in np.arange(0.91, 1.2, 0.02)]
+    axes = np.stack([[end.pose.rotation] for end in ends])
+
+    def followed(count):
+        system = mesh.system(np.eye(3), np.zeros(3), start.state.left, (ends[0],), culled=True)
+        return follow_homotopy(
+            system, mesh.held.needs.displaced, mesh.unknowns(np.array(start.element_strains)),
+            np.stack([np.eye(3)] * count), np.stack([[end.pose.position] for end in ends[:count]]),
+            axes[:count], mesh.grip_rows((ends[0],), axes[:count]))
+
+    q, forces, gone = followed(len(ends))
+    assert 0 < gone < len(ends)
+    there, known, arrived = followed(gone)
+    assert arrived == gone
+    np.testing.assert_allclose(q, there, atol=1e-2 * np.abs(there).max())
+    np.testing.assert_allclose(forces, known, atol=1e-2 * np.abs(known).max())
