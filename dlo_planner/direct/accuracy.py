@@ -28,13 +28,7 @@ from dlo_planner.direct.discretization import (
     nodes_at,
     with_breaks,
 )
-from dlo_planner.direct.equilibrium import (
-    AlongWay,
-    corrected_by,
-    equilibrium,
-    estimated,
-    past_of,
-)
+from dlo_planner.direct.equilibrium import AlongWay, corrected_by, equilibrium, estimated, past_of
 from dlo_planner.direct.shape import LYING, Shape
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper

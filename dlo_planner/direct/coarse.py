@@ -30,8 +30,8 @@ def coarsely(mesh: Discretization, gripper: Pose, holds: Holds, memory: Memory, 
 
     `led` leads it there from its natural shape on a coarser mesh, in as many `parts` as it would be
     here, and returns gripper, strains and memory at the end of the way, and whether the DLO got
-    there. Only where the gripper clamps the DLO, one
-    grip holds its tip, some of it is slack, and nothing is varied or yields.
+    there. Only where the gripper clamps the DLO, one grip holds its tip, some of it is slack, and
+    nothing is varied or yields.
     """
     coarse = mesh.coarser
     if (coarse is None or parts < _FEW or holds[0].s is not None
