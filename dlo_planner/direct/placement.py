@@ -71,11 +71,12 @@ class Predictor(NamedTuple):
 
 
 def moved(mesh: Discretization, previous: Shape, strains: Floats, goal: Grips, memory: Memory,
-          culled: bool) -> Predictor:
+          culled: bool, carefully: bool = False) -> Predictor:
     """Return where the search begins for a DLO whose grips go straight to a `goal`.
 
     They go from where they are in `previous`, whose `strains` (N, 3) the DLO has; it gives way.
-    Where an obstacle is between here and there, the motion is made in smaller parts.
+    Where an obstacle is between here and there, the motion is made in smaller parts. `carefully`:
+    of `follow_homotopy`.
     """
     amid = mesh.obstructed and not culled
     if not (goal.holds or amid):
@@ -87,15 +88,16 @@ def moved(mesh: Discretization, previous: Shape, strains: Floats, goal: Grips, m
     strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
     if amid:
         return _advance_in_parts(mesh, strains, begin, goal, memory, parts)
-    return _follow_way(mesh, strains, begin, goal, memory, parts, culled)
+    return _follow_way(mesh, strains, begin, goal, memory, parts, culled, carefully=carefully)
 
 
 def set_down(mesh: Discretization, strains: Floats, goal: Grips, memory: Memory,
-             settled: Settled) -> Predictor:
+             settled: Settled, carefully: bool = False) -> Predictor:
     """Return where the search begins for a DLO that is set down in its grips.
 
     It comes from `strains` (N, 3) that it has in its gripper alone: first without obstacles, then
     it grows to its thickness among them; torsion that is soft is as stiff as bending until then.
+    `carefully`: of `follow_homotopy`, on the mesh itself.
     """
     (gripper, holds), amid = goal, mesh.obstructed
     strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
@@ -113,8 +115,8 @@ def set_down(mesh: Discretization, strains: Floats, goal: Grips, memory: Memory,
 
     gripper, strains, past, _ = (
         _taut_shape(bare, gripper, holds, past, settled)
-        or coarsely(bare, gripper, holds, past, parts, led)
-        or _follow_way(bare, strains, begin, goal, past, parts, False))
+        or not carefully and coarsely(bare, gripper, holds, past, parts, led)
+        or _follow_way(bare, strains, begin, goal, past, parts, False, carefully=carefully))
     if amid:
         shape = equilibrium(bare, gripper, strains, past, holds)
         past = changed(firm.past(memory), hold=shape.state.left.hold)
@@ -152,7 +154,8 @@ def _parts_between(begin: Grips, goal: Grips, length: float) -> int:
 
 
 def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
-                parts: int, culled: bool, whole: bool = False) -> Predictor:
+                parts: int, culled: bool, whole: bool = False,
+                carefully: bool = False) -> Predictor:
     """Return where the search begins near the end of a straight way of all grips together.
 
     What is left is the last part, unless it goes the `whole` way. Where the DLO does not follow
@@ -181,13 +184,13 @@ def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips
             bases[:] = system.base
             q, forces, gone = uninterrupted(follow_homotopy(
                 with_hinge(system), displaced, hinge_unknowns(system, q), bases, targets, axes,
-                rows))
+                rows, carefully))
             first, last = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
                            for pose in (first, last))
             q = own_unknowns(system, q)
         else:
             q, forces, gone = uninterrupted(follow_homotopy(
-                system, displaced, q, bases, targets, axes, rows))
+                system, displaced, q, bases, targets, axes, rows, carefully))
         strains = mesh.strains_of(q)
         memory = changed(memory, hold=forces)
         arrived = gone == len(shares)

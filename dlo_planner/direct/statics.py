@@ -48,7 +48,7 @@ from dlo_planner.direct.equilibrium import (
     shape_of,
 )
 from dlo_planner.direct.grips import Grips
-from dlo_planner.direct.placement import by_parts, moved, set_down
+from dlo_planner.direct.placement import Predictor, by_parts, moved, set_down
 from dlo_planner.direct.search import KEPT, described_minimum
 from dlo_planner.direct.shape import LYING, Shape, Try, hinge_of
 from dlo_planner.energy.gap import penetration_of_point
@@ -289,6 +289,9 @@ def _strategies(mesh: Discretization, gripper: Pose, initial: Shape | None, how:
     shape = equilibrium(mesh, begin.gripper, begin.strains, begin.memory, holds, method=how.method,
                         culled=culled, watch=watch, how=search)
     yield 'moved', shape if begin.clear else replace(shape, converged=False, jumped=True)
+    if newton and not shape.converged and _may_be_led_carefully(mesh, gripper, holds, culled):
+        yield 'carefully', _led_carefully(mesh, moved(
+            mesh, initial, strains, Grips(gripper, holds), past, culled, True), holds, culled)
 
 
 def _set_down(mesh: Discretization, gripper: Pose, how: StepInputs, past: Memory, strains: Floats,
@@ -297,9 +300,10 @@ def _set_down(mesh: Discretization, gripper: Pose, how: StepInputs, past: Memory
 
     `is_there`: whether it is nearly in its grips with them already, by another mesh.
     """
-    holds, newton = how.holds, how.method == 'newton'
+    holds, newton, alone = how.holds, how.method == 'newton', (Grips(gripper, how.holds), past)
+    natural = strains
     if holds and not is_there:
-        gripper, strains, past, _ = set_down(mesh, strains, Grips(gripper, holds), past, _settled)
+        gripper, strains, past, _ = set_down(mesh, strains, *alone, _settled)
         if newton:
             shape = held_nearby(mesh, gripper, strains, past, holds, culled, watch)
             yield 'set down', shape
@@ -308,6 +312,11 @@ def _set_down(mesh: Discretization, gripper: Pose, how: StepInputs, past: Memory
     shape = equilibrium(mesh, gripper, strains, past, holds, method=how.method, culled=culled,
                         watch=watch)
     yield 'set down', shape
+    if (newton and not (shape.converged or is_there)
+            and _may_be_led_carefully(mesh, alone[0].gripper, holds, culled)):
+        shape = _led_carefully(mesh, set_down(mesh, natural, *alone, _settled, True), holds,
+                               culled) or shape
+        yield 'carefully', shape if shape.converged else None
     if mesh.obstructed:
         if (newton and not culled and shape.violation > KEPT * mesh.s[-1]
                 and _may_come_out(mesh, gripper, holds)):
@@ -315,6 +324,24 @@ def _set_down(mesh: Discretization, gripper: Pose, how: StepInputs, past: Memory
     elif (newton and not shape.converged and places_of(holds)
           and _may_come_out(mesh, gripper, holds)):
         yield 'by parts', _joined(mesh, gripper, past, holds)
+
+
+def _may_be_led_carefully(mesh: Discretization, gripper: Pose, holds: Holds,
+                          culled: bool) -> bool:
+    """Return whether a way of grips was gone by quick steps, which need not be right, to its end.
+
+    Among obstacles and strands none are taken.
+    """
+    amid = mesh.touches_itself or mesh.obstructed and not culled
+    return bool(holds) and not amid and all(
+        span.reaches(mesh.loaded) for span in spans_of(holds, gripper, float(mesh.s[-1])))
+
+
+def _led_carefully(mesh: Discretization, begin: Predictor, holds: Holds,
+                   culled: bool) -> Shape | None:
+    """Return the Shape next to the end of a way that was gone carefully, or None."""
+    shape = equilibrium(mesh, begin.gripper, begin.strains, begin.memory, holds, culled=culled)
+    return shape if shape.converged else None
 
 
 def _settled(mesh: Discretization, gripper: Pose, holds: Holds) -> Shape:

@@ -132,3 +132,16 @@ def test_a_taut_dlo_is_near_though_it_resists_by_large_forces(slack):
         there = simulator.solve(place(0), shape, holds=holds, far_end=end((1 - by) * slack))
         assert there.converged
         assert [(one.strategy, one.end) for one in there.tried] == [('near', 'found')]
+
+
+def test_where_quick_steps_lead_nowhere_the_way_is_gone_with_all_guards():
+    direct = DirectSimulator(Rod.circular(1.0, 1.5e-3, density=8960, youngs_modulus=110e9,
+                                          poisson_ratio=0.34),
+                             gravity=(0, 0, 0), n_elements=64, basis='local')
+    first, second = (FarEnd(Pose(*one), 'sleeve') for one in (
+        ((0, 0, 0.913848865290), (0, 0.999999999999, 0, -1.570796e-6)),
+        ((-0.166119963625, 0, 0.975963194841), (0, 0.470131936221, 0, 0.882596149179))))
+    gripper = Pose.looking_along((0, 0, 0), (1, 0, 0))
+    shape = direct.solve(gripper, direct.solve(gripper, far_end=first), far_end=second)
+    assert shape.converged
+    assert shape.energy == pytest.approx(0.50029, rel=1e-4)
