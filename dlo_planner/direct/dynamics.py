@@ -225,8 +225,7 @@ class InitialConditions(NamedTuple):
     initial: Shape | None
     start: Shape
     velocity: Floats | None
-    fastest: float = 0.0   # m/s, of any node in the motion that it continues
-    touched: bool = False  # whether the DLO has touched an obstacle in that
+    fastest: float = 0.0  # m/s, of any node in the motion that it continues
 
 
 def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
@@ -400,7 +399,7 @@ def _followed(other: _Other, begun: InitialConditions, plan: IntegrationOptions,
     velocity = begun.velocity
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, start.s, one) for one in velocity.T])
-    now = stepper.begin(_start_on(mesh, begun, other.changed), velocity, begun.touched)
+    now = stepper.begin(_start_on(mesh, begun, other.changed), velocity)
     found[0] = worst = _apart(now.positions[other.there], made.positions[0][other.here])
     at, known = 0, 1  # time in units; instants that are known
     energy = _EnergyBudget(now, plan, other.gain)
@@ -530,7 +529,7 @@ class Run(NamedTuple):
 def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
              progress: Progress) -> Motion:
     """Return the Motion that begins so; see `DirectSimulator.simulate`."""
-    first = stepper.begin(begun.start, begun.velocity, begun.touched)
+    first = stepper.begin(begun.start, begun.velocity)
     if begun.velocity is not None:
         check_velocity(stepper.masses, begun.velocity, first.velocities, begun.fastest)
     if not begun.start.converged:
@@ -825,4 +824,4 @@ def _motion(stepper: Stepper, made: Run, tolerance: float,
         stepper.dt * places, shapes,
         np.array([instant.velocities for instant in reached]), energies[:, KINETIC],
         energies[:, STATIC], energies[:, WORK], energies[:, DAMPED:FRICTION_LOSS + 1], tolerance,
-        made.status, message, _touched=reached[-1].touched, **given)
+        made.status, message, **given)

@@ -132,7 +132,6 @@ class StepOptions(Record):
     began: float      # J, energy balance when the motion began
     damps: bool       # whether a step that is not good otherwise may damp all vibrations
     follows: bool     # whether steps are short enough to follow vibrations
-    touched: bool     # whether the DLO has touched an obstacle before, since the motion began
 
 
 class StepBuffer(Record):
@@ -221,9 +220,8 @@ def _bears(buffer, row):
 def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
     """Fill a row: by `impact` where something lands, by `after` in a few steps after that.
 
-    Also by `impact` where contacts stir up, or have since the motion began, what is too quick for
-    the step, or several grips do as they buckle the DLO, and `how` would make energy of it or
-    cannot be solved.
+    Also by `impact` where contacts have stirred up what is too quick for the step, or several grips
+    have as they buckle the DLO, and `how` would make energy of it or cannot be solved.
     """
     left, trial = buffer.impulsive[row - 1], budget.copy()
     if how.gamma == 1.0 or left <= AFTER:
@@ -232,10 +230,8 @@ def _take_step(system, how, after, impact, buffer, row, budget, options, guess):
         _solve_step(system, scheme, buffer, row, options, guess)
         account(system, scheme, how, buffer, row, options)
         stirred = _bears(buffer, row) or buffer.after_impact[row - 1]
-        touched = options.touched or buffer.starts[1, row] > 0
-        quick = touched or (buffer.held.shape[1] > 0
-                            and not _may_touch_itself(system.effects.strands))
-        if how.gamma == 1.0 or not (stirred or quick):
+        held = buffer.held.shape[1] > 0 and not _may_touch_itself(system.effects.strands)
+        if how.gamma == 1.0 or not (stirred or held):
             return
         if not stirred or options.follows and not _lands(system, how, buffer, row):
             if left > 0:

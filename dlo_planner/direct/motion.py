@@ -14,7 +14,7 @@ from dlo_planner.direct.shape import Shape, pack, unpack
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, estimate, figure, flag, items, results, shown
+from dlo_planner.model.checks import choice, estimate, figure, items, results, shown
 from dlo_planner.model.value import Constant, brief, freeze, put
 from dlo_planner.pictured import Filmed
 from dlo_planner.progress import OnProgress, Progress, interrupted_by
@@ -95,8 +95,6 @@ class Motion(Filmed):
     message: str = ''
     # of the work that it may take at most
     _estimate: Callable[[float], Floats] | None = field(default=None, compare=False)
-    # whether the DLO has touched an obstacle, in this motion or one that it continues
-    _touched: bool = field(default=False, compare=False)
 
     _REMEMBERED = ('error_estimate',)
 
@@ -113,7 +111,6 @@ class Motion(Filmed):
         put(self, velocities=results('Motion.velocities', self.velocities, (n, None, 3)),
             losses=results('Motion.losses', losses, (n, 3)),
             work=results('Motion.work', work, (n,)),
-            _touched=flag('Motion._touched', self._touched),
             tolerance=figure('Motion.tolerance', self.tolerance),
             status=choice('Motion.status', self.status, STATUSES),
             **{name: results(f'Motion.{name}', getattr(self, name), (n,))
@@ -165,8 +162,7 @@ class Motion(Filmed):
         shapes = tuple(unpack(tree[str(k)]) for k in range(len(tree['times'])))
         return cls(shapes=shapes, **{name: tree[name] for name in _ARRAYS},
                    **{name: tree[name].item() for name in _FIGURES},
-                   _estimate=Constant(tree['error_estimate']),
-                   _touched=any(shape.contacts for shape in shapes))
+                   _estimate=Constant(tree['error_estimate']))
 
     def __len__(self) -> int:
         return len(self.times)
@@ -274,8 +270,3 @@ class Motion(Filmed):
         """Whether every step was solved, without a gain of energy."""
         return self.status == 'complete' and (
             '_deferred' in self.__dict__ or all(shape.converged for shape in self.shapes))
-
-
-def has_touched(motion: Motion) -> bool:
-    """Whether the DLO has touched an obstacle in a Motion, or in one that this continues."""
-    return motion._touched

@@ -38,7 +38,7 @@ from dlo_planner.direct.dynamics import (
 )
 from dlo_planner.direct.grips import Grips
 from dlo_planner.direct.integrator import INTEGRATORS
-from dlo_planner.direct.motion import Motion, has_touched
+from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.search import METHODS, STRAINS
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import StepInputs, StepSolver, step
@@ -614,14 +614,14 @@ def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers
     tolerance = motion_tolerance(tolerance, simulator.rod.length)
     choice('integrator', integrator, INTEGRATORS)
     refuse_motion(simulator.surroundings, simulator.strains)
-    goes_on, fastest, touched = isinstance(initial, Motion), 0.0, False
+    goes_on, fastest = isinstance(initial, Motion), 0.0
     if isinstance(initial, Motion):
         if not len(initial):
             raise InvalidTask('initial: expected a Motion with instants, it has none')
         if velocity is None:
             velocity = initial.velocities[-1]
             fastest = fastest_of(initial)
-        touched, initial = has_touched(initial), initial.shapes[-1]
+        initial = initial.shapes[-1]
     simulator._check(grippers[0], initial)
     held = held_by(far_ends, holds, len(grippers), simulator.rod.length)
     for gripper, there in zip(grippers, held, strict=True):
@@ -633,8 +633,7 @@ def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers
     plan = IntegrationOptions(len(grippers), integrator, tolerance)
     with interrupted_by(steps.check):
         start, mesh = simulator._beginning(grippers[0], held[0], initial, goes_on)
-        begun = InitialConditions(initial, start, nodes_velocity(velocity, initial, start), fastest,
-                                  touched)
+        begun = InitialConditions(initial, start, nodes_velocity(velocity, initial, start), fastest)
         return simulate(make(mesh, grips, dt, simulator.method), begun, plan, steps)
 
 

@@ -129,8 +129,7 @@ class TimePoint:
     how: SchemeCoefficients   # of the step there
     begun: Memory             # what the motion began with
     given: Shape | None = None
-    passed: bool = False      # whether the DLO has passed through itself since the motion began,
-    touched: bool = False     # and an obstacle, or in a motion that this one continues
+    passed: bool = False      # whether the DLO has passed through itself since the motion began
 
     @cached_property
     def shape(self) -> Shape:
@@ -279,7 +278,7 @@ class Stepper:
         for row, (time, positions) in enumerate(past or [
                 (buffer.times[PAST] - k * scheme.dt, now.positions) for k in (2, 1)]):
             buffer.times[row], buffer.nodes[0, row] = time, positions
-        how, options = self.coefficients(scheme), self._options(scheme, limits, now.touched)
+        how, options = self.coefficients(scheme), self._options(scheme, limits)
         system, budget = self._problem(culled), limits.budget.copy()
         if self.method == 'newton':
             after, impact = (self.coefficients(Scheme(name, scheme.dt))
@@ -301,8 +300,7 @@ class Stepper:
         kept = [row for row in range(PAST + 1, last + 1) if where[row] == np.rint(where[row])]
         rows = sorted({*kept, *([last] if last > PAST else []), *([end] if end > last else [])})
         instants = {row: TimePoint(float(where[row]), one, self, free, how, now.begun,
-                                   passed=now.passed or row > passed,
-                                   touched=now.touched or bool(buffer.starts[1, row + 1]))
+                                   passed=now.passed or row > passed)
                     for row, one in zip(rows, Row.of(buffer, rows), strict=True)}
         nodes = buffer.nodes[0]
         return StepBatch(
@@ -375,8 +373,7 @@ class Stepper:
 
     # ---- how a motion begins --------------------------------------------------------------------
 
-    def begin(self, shape: Shape, velocity: Floats | None = None,
-              touched: bool = False) -> TimePoint:
+    def begin(self, shape: Shape, velocity: Floats | None = None) -> TimePoint:
         """Return the TimePoint at time 0 of a DLO that is free to move from now on.
 
         `touched`: whether it has touched an obstacle in a motion that this one continues.
@@ -407,8 +404,7 @@ class Stepper:
                   np.zeros((count, 2), dtype=np.int64), np.zeros((count, 15)))
         shape = replace(shape, state=replace(shape.state, estimate=_NOT_ESTIMATED))
         now = TimePoint(0.0, row, self, not count and left.idle,
-                        self.coefficients(Scheme('paper', 1.0)), left, shape,
-                        touched=touched)
+                        self.coefficients(Scheme('paper', 1.0)), left, shape)
         begun, touches = self._with_rates(now, _AT_FIRST * self.dt, velocity is not None)
         if touches and velocity is None and self._strikes(begun, row):
             means = np.concatenate([[row.wrenches], row.hold_wrenches])
@@ -452,7 +448,7 @@ class Stepper:
         uninterrupted(consistent_rates(
             self._problem(self.hangs_from(now)), self.coefficients(brief, (0.0, 0.0)),
             self.coefficients(brief), buffer, going,
-            self._options(brief, Acceptance(), exact=_AT_ONCE)))
+            self._options(brief, Acceptance(), _AT_ONCE)))
         energies = now.row.energies.copy()
         energies[[KINETIC, WORK]] = buffer.energies[PAST, [KINETIC, WORK]]
         if now.place == 0.0:  # no work is done yet
@@ -514,8 +510,7 @@ class Stepper:
             known = self._known[scheme, damping] = scheme.coefficients(damping, self.masses)
         return known
 
-    def _options(self, scheme: Scheme, limits: Acceptance, touched: bool = False,
-                 exact: float = EXACT) -> StepOptions:
+    def _options(self, scheme: Scheme, limits: Acceptance, exact: float = EXACT) -> StepOptions:
         mesh, left = self.discretization, self._rounding(scheme)
         rounding = min(left, _ROUGHEST)
         return StepOptions(
@@ -524,8 +519,7 @@ class Stepper:
             limits.patience, self.nearby,
             mesh.held_spring if self.grips.kinds else mesh.spring, *self._held,
             float(limits.error), float(limits.bearing), float(limits.reach), limits.part,
-            limits.noise, limits.began, limits.damps, scheme.dt < _FOLLOWED * self.own_time,
-            touched)
+            limits.noise, limits.began, limits.damps, scheme.dt < _FOLLOWED * self.own_time)
 
     @cached_property
     def _held(self) -> tuple[Ints, Ints, Floats, Bools]:

@@ -41,7 +41,6 @@ from dlo_planner import (
 from dlo_planner.direct import dynamics
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory, moving_grips
 from dlo_planner.direct.integrator import KINETIC, WORK, Scheme, within_energy_budget
-from dlo_planner.direct.motion import has_touched
 from dlo_planner.direct.stepper import Acceptance, Stepper
 from dlo_planner.minimize.newton import newton
 from dlo_planner.results import Motion
@@ -566,17 +565,10 @@ def test_columns_buckle_in_short_steps(thing, dt, gap, way, mesh):
     assert motion.numerical_loss.min() > -1e-3 * np.ptp(motion.potential_energy)
 
 
-@pytest.mark.parametrize('seed', [18, 51])  # a bar; a sphere
-def test_columns_on_what_is_curved_go_on(seed):
+# a bar; a sphere; 21, 28, 59: they bounce, and vibrate more quickly than steps follow
+@pytest.mark.parametrize('seed', [18, 51, 21, 28, 59])
+def test_random_columns_go_on(seed):
     motion = columns.at_random(1, seed).run(20)
-    assert motion.status == 'complete', motion.message
-    assert motion.numerical_loss.min() > -1e-3 * np.ptp(motion.potential_energy)
-
-
-@pytest.mark.parametrize('seed', [21, 28, 59])
-def test_what_has_bounced_makes_no_energy_of_vibrations_that_its_steps_do_not_follow(seed):
-    case = columns.at_random(1, seed)
-    motion = case.run(20)
     assert motion.status == 'complete', motion.message
     assert len(motion._estimate.args[2].steps) < 2000
     assert motion.numerical_loss.min() > -1e-3 * np.ptp(motion.potential_energy)
@@ -796,11 +788,10 @@ def test_where_nothing_tells_how_it_buckles_the_estimate_is_how_far_it_may_be(gr
     assert known.error_estimate[-1] < 0.03
 
 
-def test_a_dlo_that_has_bounced_moves_freely_again(tmp_path):
+def test_a_dlo_that_has_bounced_moves_freely_again():
     thing, options = rod(damping=(0.0, 5e-4)), {'n_elements': 24, 'basis': 'local'}
-    ways = 0.1 * np.sin(np.pi * np.arange(0, 0.8, 1e-2)) ** 2
+    ways = 0.1 * np.sin(np.pi * np.arange(0, 0.7, 1e-2)) ** 2
     poses = [Pose((way, 0, 1 - way), (0, 0, 0, 1)) for way in ways]
-    poses, later = poses[:70], [poses[69:74], poses[73:78]]
     low = DirectSimulator(thing, **options).solve(poses[0]).positions[:, 2].min()
     floor = Plane((0, 0, low - 0.05), (0, 0, 1))
     direct = DirectSimulator(thing, obstacles=[floor], **options)
@@ -810,12 +801,6 @@ def test_a_dlo_that_has_bounced_moves_freely_again(tmp_path):
     assert any(touched) and not any(touched[-15:])
     ours, true = (np.array([shape.positions for shape in one.shapes]) for one in (motion, fine))
     assert np.abs(ours - true).max() < 1e-3
-    # that it has is known to the motion that continues this one, and to the one after that
-    motion.save(tmp_path / 'motion.npz')
-    for known in (motion, Motion.load(tmp_path / 'motion.npz')):
-        second = direct.simulate(later[0], 1e-2, known)
-        third = direct.simulate(later[1], 1e-2, second)
-        assert has_touched(third) and not any(shape.contacts for shape in second.shapes)
 
 
 def test_what_lands_between_two_nodes_is_noticed_at_once():
