@@ -62,9 +62,6 @@ def refuse_motion(around: Surroundings, strains: str) -> None:
     if around.pinned:
         raise InvalidTask('grip = \'pinned\': expected a simulator whose gripper clamps the '
                           'DLO where motions are simulated')
-    if around.self_friction > 0.0:
-        raise InvalidTask(f'self_friction = {around.self_friction:g}: expected 0 where motions are '
-                          'simulated, in which strands do not rub on each other')
     if strains != 'components':
         raise InvalidTask(f'strains = {strains!r}: expected a simulator with \'components\' '
                           'where motions are simulated')

@@ -32,7 +32,16 @@ from dlo_planner.energy.problem import (
     new_configuration,
     unknown_count,
 )
-from dlo_planner.energy.strands import ROWS, escapes, spring_energy, watching
+from dlo_planner.energy.strands import (
+    ROWS,
+    escapes,
+    new_touch,
+    put_trial,
+    renew_friction,
+    rubbing_since,
+    spring_energy,
+    watching,
+)
 from dlo_planner.energy.terms import (
     Coupling,
     may_act,
@@ -87,6 +96,10 @@ _FEW, _PRESSED = 3, 100.0
 # Pairs of strands are watched that may come to bear in a step: as far as both can move, with so
 # many times the speed that they have, and as near as that, of the radius, beyond both radii
 _WAYS, _WATCHED = 3.0, 0.5
+# Friction between strands is limited by forces that it changes: searches of a step until these
+# agree, and by how much they may differ, of the largest. Where inertia bears most each gains one
+# digit or two; what does not end has jammed, and is freed by a shorter step
+_SEARCHES, _AGREE = 6, 1e-4
 ELASTIC, STATIC, KINETIC, WORK, DAMPED, DISSIPATED, FRICTION_LOSS, CONTACT_WORK = range(8)
 
 
@@ -132,6 +145,7 @@ class StepOptions(Record):
     began: float      # J, energy balance when the motion began
     damps: bool       # whether a step that is not good otherwise may damp all vibrations
     follows: bool     # whether steps are short enough to follow vibrations
+    rubs: float       # coefficient of friction between strands
 
 
 class StepBuffer(Record):
@@ -166,11 +180,14 @@ class StepBuffer(Record):
     reactions: Floats     # (r, K) forces of holds
     plastic: Floats       # (r, N, J) plastic strain
     node_forces: Floats   # (r, M, N + 1)
-    starts: Ints          # (2, r + 1) where points and contacts of each row begin in what follows
+    starts: Ints          # (3, r + 1) where points, contacts and pairs of strands that rub begin
+                          # in what follows, of each row
     point_of: Ints        # (c, 2) element and obstacle; (c, 14) multiplier, fraction, anchor
     points: Floats        # (world), normal, shear, slid: as of `ContactPoints` after the step
     contact_of: Ints      # (c, 2) obstacle and element; (c, 15) what else `contact_rows` returns
     contacts: Floats
+    rub_of: Ints          # (c, 2) pair of elements; (c, 4) its friction, N, and slip in the step,
+    rubs: Floats          # m, as of `Strands`
     stopped: Bools        # (2,) after the last good step: no room for its contacts; something acts
 
 
@@ -448,6 +465,18 @@ def implicit_step(system: Problem, how: SchemeCoefficients, buffer: StepBuffer, 
         return False
     state, residual, stability, iterations, loaded, violation = _minimum(
         system.effects.contact, problem, how, q, buffer, row, memory, options, check)
+    for search in range(_SEARCHES):
+        changed = renew_friction(problem.effects.strands, problem.lengths, state,
+                                 buffer.nodes[0, memory], buffer.frames[memory], options.rubs)
+        if changed <= _AGREE or residual == np.inf:
+            break
+        if search == _SEARCHES - 1:
+            residual = np.inf
+            break
+        q[:] = state.q
+        state, residual, stability, more, loaded, violation = _minimum(
+            system.effects.contact, problem, how, q, buffer, row, memory, options, check)
+        iterations += more
     if _escapes(problem.effects.strands, problem, buffer, row, state):
         residual = np.inf
     return record_step(how, loaded, state, buffer, row, memory, residual, stability, iterations,
@@ -473,11 +502,11 @@ def step_problem(system: Problem, how: SchemeCoefficients, buffer: StepBuffer, r
             bent[e, i] -= rate[e, i] / how.velocity_gain
     drawn = incremental_potential(_remembering(system, buffer, row, memory, options), how, where,
                                   bent, buffer.bases[row], origin)
-    return _with_strands(system.effects.strands, drawn, how, buffer, row, memory)
+    return _with_strands(system.effects.strands, drawn, how, buffer, row, memory, options)
 
 
 @kernel
-def _with_strands(strands, problem, how, buffer, row, memory):
+def _with_strands(strands, problem, how, buffer, row, memory, options):
     """Return the same Problem with the pairs of strands that may come to bear in the step."""
     if strands is None:
         return problem
@@ -492,6 +521,11 @@ def _with_strands(strands, problem, how, buffer, row, memory):
     near = watching(strands, problem.lengths, buffer.bends[0, memory],
                     _rays(problem, strands, buffer, row), buffer.nodes[0, memory],
                     _WAYS * farthest + _WATCHED * np.max(strands.strand_radius))
+    if options.rubs > 0.0:
+        begin, end = buffer.starts[2, memory], buffer.starts[2, memory + 1]
+        near = rubbing_since(near, problem.lengths, buffer.rub_of[begin:end],
+                             buffer.rubs[begin:end], buffer.nodes[0, memory],
+                             buffer.frames[memory], options.rubs)
     most, needs = ROWS * near.pair.shape[0], problem.needs
     coupling = Coupling(np.empty((most, 0, 3)), np.empty((most, 0, 3)), np.empty(most),
                         np.empty((0, 0)), np.zeros(1, dtype=np.int64))
@@ -704,6 +738,7 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
     buffer.energies[row, DISSIPATED] = buffer.energies[memory, DISSIPATED] + lost
     buffer.starts[0, row + 1] = buffer.starts[0, row]
     buffer.starts[1, row + 1] = buffer.starts[1, row]
+    _keep_friction(problem.effects.strands, problem.lengths, state, buffer, row)
     if may_forbid(problem.effects):
         _keep_contacts(problem.effects.contact, forces, contacts, buffer, row)
     kept = _PRESSED * options.ctol if _bears_on_few(buffer, row) else options.kept
@@ -713,6 +748,31 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
     proof[0], proof[1], proof[3] = residual, stability, violation
     buffer.iterations[row], buffer.converged[row] = iterations, converged
     return converged
+
+
+@kernel
+def _keep_friction(strands, lengths, state, buffer, row):
+    """Keep friction of pairs of strands, and by how much they slid in the step."""
+    at = buffer.starts[2, row]
+    buffer.starts[2, row + 1] = at
+    if strands is None:
+        return
+    touch = new_touch()
+    for p in range(strands.rub_limit.size):
+        limit = strands.rub_limit[p]
+        size = put_trial(strands, lengths, state, p, touch) if limit > 0.0 else -1.0
+        if size < 0.0:
+            continue
+        if at == buffer.rubs.shape[0]:
+            buffer.stopped[0] = True
+            return
+        part = 1.0 if size <= limit else limit / size
+        for q in range(2):
+            buffer.rub_of[at, q] = strands.pair[p, q]
+            buffer.rubs[at, q] = part * touch.trial[q]
+            buffer.rubs[at, 2 + q] = strands.rub_slip[p, q] + touch.slip[q]
+        at += 1
+    buffer.starts[2, row + 1] = at
 
 
 @kernel
@@ -764,6 +824,7 @@ def account(system, how, outer, buffer, row, options):
     energies[row, KINETIC] = _kinetic(how, nodes, row)
     energies[row, WORK] = energies[row - 1, WORK] + _work(how, buffer, row, options)
     rubbed, pushed = _contact_work(system, buffer, row)
+    rubbed += _strand_friction(system.effects.strands, buffer, row)
     energies[row, FRICTION_LOSS] = energies[row - 1, FRICTION_LOSS] + rubbed
     energies[row, CONTACT_WORK] = energies[row - 1, CONTACT_WORK] + pushed
     energies[row, DAMPED] = energies[row - 1, DAMPED]
@@ -834,8 +895,42 @@ def _strand_energy(strands, system, buffer, row):
         return 0.0
     if strands.strand_radius.size == 0:
         return 0.0
-    return spring_energy(strands, system, (buffer.bends[0, row], buffer.nodes[0, row]),
-                         _rays(system, strands, buffer, row))
+    energy = spring_energy(strands, system, (buffer.bends[0, row], buffer.nodes[0, row]),
+                           _rays(system, strands, buffer, row))
+    for at in range(buffer.starts[2, row], buffer.starts[2, row + 1]):
+        energy += 0.5 * (buffer.rubs[at, 0]**2 + buffer.rubs[at, 1]**2) / strands.pair_spring
+    return energy
+
+
+@kernel
+def _strand_friction(strands, buffer, row):
+    """Return what friction between strands takes in the step to a row, J.
+
+    Of the slip a part is that of its springs, whose energy comes back; what they hold is lost where
+    strands part.
+    """
+    if strands is None:
+        return 0.0
+    lost, before, begin = 0.0, np.zeros(2), buffer.starts[2, row - 1]
+    end = buffer.starts[2, row]
+    for old in range(begin, end):
+        for q in range(2):
+            lost += 0.5 * buffer.rubs[old, q]**2 / strands.pair_spring
+    for at in range(buffer.starts[2, row], buffer.starts[2, row + 1]):
+        before[:] = 0.0
+        for old in range(begin, end):
+            if (buffer.rub_of[old, 0] == buffer.rub_of[at, 0]
+                    and buffer.rub_of[old, 1] == buffer.rub_of[at, 1]):
+                for q in range(2):
+                    before[q] = buffer.rubs[old, q]
+        work = 0.0
+        for q in range(2):
+            force, first = buffer.rubs[at, q], before[q]
+            lost -= 0.5 * first**2 / strands.pair_spring
+            work -= 0.5 * (first + force) * (buffer.rubs[at, 2 + q]
+                                             + (force - first) / strands.pair_spring)
+        lost += max(work, 0.0)
+    return lost
 
 
 @kernel

@@ -277,15 +277,32 @@ def _obeyed(mesh: Discretization, memory: Memory, system: Problem, end: Solution
 
 
 def springs_between(mesh: Discretization, gripper: Pose, holds: Holds, strains: Floats,
-                    positions: Floats) -> Strands:
+                    positions: Floats, rub_of: Ints, rubs: Floats) -> Strands:
     """Return the Strands that bear on their springs alone at an instant of a motion.
 
-    Shapes: strains (N, 3), positions (N + 1, 3).
+    Shapes: strains (N, 3), positions (N + 1, 3); pairs that rub (c, 2), and (c, 4) their friction
+    there, N, and slip in the step, m.
     """
     rays = rays_behind(gripper, holds, float(mesh.s[-1]))
     pairs = _pairs(mesh.free.lengths, strains, rays, positions, mesh.radii, 0.0)
-    return smooth_strands(pairs, np.zeros(len(pairs)), _reaches(mesh.radii, pairs), mesh.radii,
-                          rays, mesh.pair_spring)
+    known = {(i, j): one for (i, j), one in zip(rub_of.tolist(), rubs.tolist(), strict=True)}
+    friction = np.array([known.get((i, j), [0.0] * 4) for i, j in pairs.tolist()]).reshape(-1, 4)
+    strands = smooth_strands(pairs, np.zeros(len(pairs)), _reaches(mesh.radii, pairs), mesh.radii,
+                             rays, mesh.pair_spring)
+    # (in a spring of 0 N/m friction is what it was)
+    return strands._replace(rub_force=friction[:, :2], rub_slip=friction[:, 2:],
+                            rub_limit=np.linalg.norm(friction[:, :2], axis=1))
+
+
+def stored_between(mesh: Discretization, gripper: Pose, holds: Holds, strains: Floats,
+                   positions: Floats, rub_of: Ints, rubs: Floats) -> float:
+    """Return the energy in the springs of `springs_between`, of friction too, J."""
+    strands = springs_between(mesh, gripper, holds, strains, positions, rub_of, rubs)
+    stretched = [reach - nearest_points(mesh.free.lengths, strands.rays, positions, i, j)[2]
+                 for (i, j), reach in zip(strands.pair.tolist(), strands.pair_reach.tolist(),
+                                          strict=True)]
+    return float(0.5 * mesh.pair_spring * np.square(stretched).sum()
+                 + 0.5 * np.square(rubs[:, :2]).sum() / mesh.pair_spring)
 
 
 def _reaches(radii: Floats, pairs: Ints) -> Floats:

@@ -57,7 +57,7 @@ from dlo_planner.minimize.convergence import accept_by_decrement
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.holds import spans_along, unreached
-from dlo_planner.model.value import Constant, freeze
+from dlo_planner.model.value import Constant, changed, freeze, read_only
 from dlo_planner.progress import uninterrupted
 
 MOST = 64            # steps of a batch
@@ -100,21 +100,24 @@ class Row(NamedTuple):
     points: Floats
     contact_of: Ints
     contacts: Floats
+    rub_of: Ints
+    rubs: Floats
 
     @classmethod
     def of(cls, buffer: StepBuffer, rows: Sequence[int]) -> list[Row]:
         """Return copies of some rows: of many, few are kept."""
-        which, table = list(rows), cls._fields[-4:]
+        which, table = list(rows), cls._fields[-6:]
         arrays = [np.array(getattr(buffer, name)[:, which].swapaxes(0, 1), order='C')
                   for name in cls._fields[:2]]
-        arrays += [getattr(buffer, name)[which] for name in cls._fields[2:-4]]
+        arrays += [getattr(buffer, name)[which] for name in cls._fields[2:-6]]
         tables = [np.array(getattr(buffer, name)) for name in table]
         freeze([arrays, tables])
         found = []
         for k, row in enumerate(which):
-            points, contacts = (slice(*one[row:row + 2]) for one in buffer.starts)
+            points, contacts, rubs = (slice(*one[row:row + 2]) for one in buffer.starts)
             found.append(cls(*(array[k] for array in arrays), *(array[points]
-                             for array in tables[:2]), *(array[contacts] for array in tables[2:])))
+                             for array in tables[:2]), *(array[contacts] for array in tables[2:4]),
+                             *(array[rubs] for array in tables[4:])))
         return found
 
 
@@ -183,9 +186,13 @@ class TimePoint:
                 np.array(row.bends)))
         if mesh.touches_itself:
             from dlo_planner.direct.self_contact import springs_between  # noqa: PLC0415  (few need it)
-            strands = springs_between(mesh, gripper, holds, row.bends[0], row.nodes[0])
-            shape = replace(shape, self_contacts=self_contacts_of(mesh.s, row.nodes[0], strands)[0])
+            strands = springs_between(mesh, gripper, holds, row.bends[0], row.nodes[0], row.rub_of,
+                                      row.rubs)
+            touching, _, known = self_contacts_of(mesh.s, row.nodes[0], strands)
+            shape = replace(shape, self_contacts=touching)
         past = shape.state.history if shape.state.history is not self.begun else mesh.start
+        if mesh.rubs_itself:  # what goes on from here rubs as it does here
+            past = changed(past, strands=read_only(known))
         return replace(shape, state=State(mesh, past, past, _NOT_ESTIMATED, self.free))
 
 
@@ -292,7 +299,7 @@ class Stepper:
         if stopped and last == PAST:
             return None
         if buffer.stopped[0]:  # the batches that follow need not end before they are full
-            self._room = max(self._room, 2 * int(np.diff(buffer.starts[1]).max()))
+            self._room = max(self._room, 2 * int(np.diff(buffer.starts[1:]).max()))
         free = now.free and (culled or self.discretization.hangs)
 
         passed = self._passed(buffer, last, end)
@@ -394,6 +401,11 @@ class Stepper:
         known = shape.wrenches if len(shape.holds) == count_of_holds else np.zeros(
             (count_of_holds, 6))  # what was not held at the beginning has exerted nothing yet
         wrench, (gripper, holds) = shape.gripper_wrench, self.grips.at(0.0)
+        rubs = self._rubs(left)
+        if mesh.touches_itself:  # at rest forces stand beside springs, which may store more
+            from dlo_planner.direct.self_contact import stored_between  # noqa: PLC0415
+            energies[STATIC] += stored_between(mesh, gripper, holds, np.array(here.strains),
+                                               nodes[0], *rubs)
         if mesh.loaded and unreached(holds, gripper, mesh.s.item(-1), True):
             wrench, known = np.nan_to_num(wrench), np.nan_to_num(known)  # see `at_full_length`
         row = Row(nodes, bends, shape.frames, wrench, known,
@@ -401,7 +413,7 @@ class Stepper:
                   np.array([shape.residual, shape.stability, 0.0, shape.violation]),
                   shape.iterations, shape.evaluations, energies, shape.converged, 0, False,
                   left.hold, left.plastic, left.node_force, *left.points,
-                  np.zeros((count, 2), dtype=np.int64), np.zeros((count, 15)))
+                  np.zeros((count, 2), dtype=np.int64), np.zeros((count, 15)), *rubs)
         shape = replace(shape, state=replace(shape.state, estimate=_NOT_ESTIMATED))
         now = TimePoint(0.0, row, self, not count and left.idle,
                         self.coefficients(Scheme('paper', 1.0)), left, shape)
@@ -410,6 +422,14 @@ class Stepper:
             means = np.concatenate([[row.wrenches], row.hold_wrenches])
             return replace(now, row=row._replace(impulsive=AFTER, mean_wrenches=means))
         return begun
+
+    def _rubs(self, left: Memory) -> tuple[Ints, Floats]:
+        """Return the pairs of strands that rub, (c, 2), and `rubs` (c, 4) of a StepBuffer."""
+        mesh = self.discretization
+        if not mesh.rubs_itself:
+            return np.zeros((0, 2), dtype=np.int64), np.zeros((0, 4))
+        friction = left.strands[:, 3:5]
+        return mesh.pairs_at(left.strands), np.column_stack([friction, np.zeros_like(friction)])
 
     def _strikes(self, begun: TimePoint, rest: Row) -> bool:
         """Return whether the gripper's force at a beginning is no force of weight and inertia."""
@@ -519,7 +539,8 @@ class Stepper:
             limits.patience, self.nearby,
             mesh.held_spring if self.grips.kinds else mesh.spring, *self._held,
             float(limits.error), float(limits.bearing), float(limits.reach), limits.part,
-            limits.noise, limits.began, limits.damps, scheme.dt < _FOLLOWED * self.own_time)
+            limits.noise, limits.began, limits.damps, scheme.dt < _FOLLOWED * self.own_time,
+            mesh.surroundings.self_friction)
 
     @cached_property
     def _held(self) -> tuple[Ints, Ints, Floats, Bools]:
@@ -555,7 +576,7 @@ class Stepper:
             if one.shape == kept.shape[1:]:
                 kept[PAST] = one
         room = places.size * self._room if mesh.obstructed else 0
-        starts = np.zeros((2, rows + 1), dtype=np.int64)
+        starts = np.zeros((3, rows + 1), dtype=np.int64)
         indices, values = [], []
         for kind, (index, value) in enumerate(((now.point_of, now.points),
                                                (now.contact_of, now.contacts))):
@@ -564,11 +585,15 @@ class Stepper:
             indices.append(np.zeros((count + room, 2), dtype=np.int64))
             values.append(np.empty((count + room, *value.shape[1:])))
             indices[-1][:count], values[-1][:count] = index[:count], value[:count]
+        count, room = len(now.rubs), places.size * self._room if mesh.rubs_itself else 0
+        starts[2, PAST + 1] = count
+        rub_of = np.concatenate([now.rub_of, np.zeros((room, 2), dtype=np.int64)])
+        rubs = np.concatenate([now.rubs, np.zeros((room, 4))])
         return StepBuffer(
             times, *grips, *ends, *courses, frames, *wrenches, proofs,
             np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=np.int64), energies,
             np.zeros(rows, dtype=bool), impulsive, after_impact, *left, starts, indices[0],
-            values[0], indices[1], values[1], np.zeros(2, dtype=bool))
+            values[0], indices[1], values[1], rub_of, rubs, np.zeros(2, dtype=bool))
 
     def _holds(self, places: Floats, origins: Floats) -> tuple[Floats, ...]:
         """Return targets, axes, rows and reach of Holds at places (n,), grippers at `origins`."""

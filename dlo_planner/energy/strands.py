@@ -41,7 +41,7 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.geometry.record import Record
+from dlo_planner.geometry.record import Record, replaced
 from dlo_planner.geometry.self_distance import heads_back
 from dlo_planner.geometry.self_passage import passes_itself, passes_ray
 from dlo_planner.geometry.so3 import coefficients_in, jacobians_with, matrix, times
@@ -354,6 +354,73 @@ def watching(effect, lengths, strains, rays, positions, gap):
         reaches[p] = _reach(effect.strand_radius, found[p, 0], found[p, 1])
     return smooth_strands(found[:count].copy(), np.zeros(count), reaches, effect.strand_radius,
                           rays, effect.pair_spring)
+
+
+@kernel
+def rubbing_since(effect, lengths, pair, friction, places, frames, coefficient):
+    """Return Strands whose friction counts from the beginning of a step of a motion.
+
+    Its springs are as stiff as those that keep strands apart, its limits those of the forces then.
+
+    Args:
+        pair, friction: (R, 2) of pairs that rubbed then, and what they did, N, as of `rub_force`
+        places, frames: (N + 1, 3), (N + 1, 3, 3) of the nodes then, m
+    """
+    count = effect.pair.shape[0]
+    before, limits, axes = np.zeros((count, 2)), np.empty(count), np.empty((3, 3))
+    for p in range(count):
+        limits[p] = coefficient * _pressure(effect, lengths, places, p, axes)
+        for r in range(pair.shape[0]):
+            if pair[r, 0] == effect.pair[p, 0] and pair[r, 1] == effect.pair[p, 1]:
+                before[p, 0], before[p, 1] = friction[r, 0], friction[r, 1]
+    return replaced(effect, 'rub_force', before, 'rub_limit', limits,
+                    'rub_slip', np.zeros((count, 2)), 'rub_places', places.copy(),
+                    'rub_frames', frames.copy(), 'rub_spring', effect.pair_spring)
+
+
+@kernel
+def _pressure(effect, lengths, positions, p, axes):
+    """Return the force in N that presses the surfaces of pair p together; `axes` (3, 3): space."""
+    i, j = effect.pair[p, 0], effect.pair[p, 1]
+    if i < 0 or j >= lengths.size:
+        return 0.0
+    s, t, distance = nearest_points(lengths, effect.rays, positions, i, j)
+    force = bears(effect, p, distance)
+    if force == 0.0 or distance < _TINY * effect.pair_reach[p]:
+        return 0.0
+    # (a part of it keeps nearest points in the middle, and does not press)
+    return force * tangents(positions, i, s, j, t, axes) / distance
+
+
+@kernel
+def renew_friction(effect, lengths, now, places, frames, coefficient):
+    """Let friction be that of the slips and forces at a Configuration, from where it counts on.
+
+    Returns by how much it changes with that, of the largest force that presses.
+
+    Args:
+        places, frames: (N + 1, 3), (N + 1, 3, 3) of the nodes at the beginning of the step, m
+    """
+    if effect is None:
+        return 0.0
+    count, touch, largest, changed = effect.rub_limit.size, new_touch(), 0.0, 0.0
+    if count == 0:
+        return 0.0
+    acting, lawful = np.empty((count, 2)), np.empty((count, 2))
+    put_friction(effect, lengths, now, acting)
+    for p in range(count):
+        force = _pressure(effect, lengths, now.positions, p, touch.axes)
+        effect.rub_limit[p] = coefficient * force
+        largest = max(largest, force)
+        if put_slip(effect, lengths, now, p, places, frames, touch) >= 0.0:
+            effect.rub_slip[p, 0], effect.rub_slip[p, 1] = touch.slip[0], touch.slip[1]
+    effect.rub_places[:] = now.positions
+    effect.rub_frames[:] = now.rotations
+    put_friction(effect, lengths, now, lawful)
+    for p in range(count):
+        for q in range(2):
+            changed = max(changed, abs(lawful[p, q] - acting[p, q]))
+    return changed / largest if largest > 0.0 else changed
 
 
 @kernel
