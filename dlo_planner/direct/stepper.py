@@ -191,7 +191,7 @@ class TimePoint:
             touching, _, known = self_contacts_of(mesh.s, row.nodes[0], strands)
             shape = replace(shape, self_contacts=touching)
         past = shape.state.history if shape.state.history is not self.begun else mesh.start
-        if mesh.rubs_itself:  # what goes on from here rubs as it does here
+        if past is not None and mesh.rubs_itself:  # what goes on from here rubs as it does here
             past = changed(past, strands=read_only(known))
         return replace(shape, state=State(mesh, past, past, _NOT_ESTIMATED, self.free))
 

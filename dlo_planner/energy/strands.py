@@ -787,7 +787,9 @@ def put_slip(strands, lengths, now, p, places, frames, touch):
     s, t, distance = nearest_points(lengths, strands.rays, now.positions, i, j)
     if distance < _TINY * strands.pair_reach[p]:
         return -1.0
-    tangents(now.positions, i, s, j, t, touch.axes)
+    width = tangents(now.positions, i, s, j, t, touch.axes)
+    # (what springs bear alone lies in each other: both surfaces are where they would meet)
+    thick = min(1.0, width / strands.pair_reach[p])
     nodes, shares, arms, away, turned = (touch.nodes, touch.shares, touch.arms, np.zeros(3),
                                          np.zeros(3))
     nodes[0], nodes[1], nodes[2], nodes[3] = i, i + 1, j, j + 1
@@ -796,8 +798,8 @@ def put_slip(strands, lengths, now, p, places, frames, touch):
     for m in range(4):
         node = nodes[m]
         for k in range(3):
-            arms[m, k] = (-strands.strand_radius[i] if m < 2
-                          else strands.strand_radius[j]) * touch.axes[0, k]
+            arms[m, k] = thick * (-strands.strand_radius[i] if m < 2
+                                  else strands.strand_radius[j]) * touch.axes[0, k]
         _turn(now.rotations[node], frames[node], arms[m], arm)
         for k in range(3):
             away[k] += shares[m] * (places[node, k] + arm[k])

@@ -466,10 +466,47 @@ def test_friction_goes_along_in_files_and_in_shapes(opened, tmp_path):
     np.testing.assert_array_equal(known.history.frames, last.frames)
 
 
-def test_motions_with_friction_between_strands_are_refused(opened):
-    with pytest.raises(InvalidTask, match=r'self_friction = 0\.3: expected 0 where motions'):
-        simulator(self_contact=True, self_friction=FRICTION).simulate(
-            [GRIPPER] * 3, 0.01, initial=opened[-1], far_ends=[far(LAST, 0.4525)] * 3)
+@pytest.fixture(scope='module')
+def drawn(shapes):
+    """Return motions in which the loop is drawn out, with friction and without."""
+    part = np.linspace(0.0, 1.0, 41)
+    ends = [far(LAST, 0.45 + 0.01 * (t - np.sin(2 * np.pi * t) / (2 * np.pi))) for t in part]
+    return tuple(simulator(self_contact=True, self_friction=friction).simulate(
+        [GRIPPER] * 41, 0.0125, initial=shapes[-1], far_ends=ends) for friction in (FRICTION, 0.0))
+
+
+def slipped(before, after, one):
+    """Return how far the surfaces at a contact of `after` have slid since `before`, (3,) m."""
+    away, turns = np.zeros(3), []
+    for s, sign in ((one.s, -1.0), (one.other_s, 1.0)):
+        _, now = surface(after, s, 0.0)
+        _, then = surface(before, s, 0.0)
+        there, _ = surface(before, s, then @ now.T @ (sign * RADIUS * one.normal))
+        away -= sign * there
+        turns.append(now @ then.T)
+    slip = -0.5 * (turns[0] + turns[1]) @ away
+    return slip - one.normal * (one.normal @ slip)
+
+
+def test_what_strands_that_rub_in_a_motion_take_is_the_work_of_coulombs_law(drawn):
+    rough, smooth = drawn
+    assert rough.status == smooth.status == 'complete'
+    rubbed = slides = 0.0
+    for before, after in zip(rough.shapes, rough.shapes[1:], strict=False):
+        for one in after.self_contacts:
+            assert np.linalg.norm(one.friction) <= FRICTION * one.force * (1 + 1e-3)
+            assert abs(one.friction @ one.normal) < 1e-9
+            if np.linalg.norm(one.friction) > 0.99 * FRICTION * one.force:
+                slides += 1
+                rubbed += FRICTION * one.force * np.linalg.norm(slipped(before, after, one))
+    assert slides > 20
+    # by works and energies alone, none of which knows of friction
+    missing = rough.work[-1] - (rough.energy[-1] - rough.energy[0])
+    assert missing > 5e-4
+    assert missing == pytest.approx(rubbed, rel=0.15)
+    assert np.diff(rough.numerical_loss).min() > -2e-3 * missing
+    assert np.abs(rough.numerical_loss).max() < 0.02 * missing
+    assert rough.work[-1] > 1.05 * smooth.work[-1]
 
 
 @pytest.mark.parametrize(('more', 'message'), [
