@@ -587,8 +587,8 @@ class Stepper:
             indices[-1][:count], values[-1][:count] = index[:count], value[:count]
         count, room = len(now.rubs), places.size * self._room if mesh.rubs_itself else 0
         starts[2, PAST + 1] = count
-        rub_of = np.concatenate([now.rub_of, np.zeros((room, 2), dtype=np.int64)])
-        rubs = np.concatenate([now.rubs, np.zeros((room, 4))])
+        rub_of, rubs = np.zeros((count + room, 2), dtype=np.int64), np.zeros((count + room, 4))
+        rub_of[:count], rubs[:count] = now.rub_of, now.rubs
         return StepBuffer(
             times, *grips, *ends, *courses, frames, *wrenches, proofs,
             np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=np.int64), energies,
