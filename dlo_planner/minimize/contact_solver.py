@@ -18,12 +18,15 @@ wanted, on a way between two poses, nearly at rest is enough.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from dlo_planner.energy.contact import obstructed, trial_traction
 from dlo_planner.energy.gap import closest_point
 from dlo_planner.energy.grip import constraint_violation, holds, reaction_of, set_reaction
 from dlo_planner.energy.inertia import has_inertia
+from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import (
     Configuration,
     Problem,
@@ -140,9 +143,17 @@ def constrained_newton(system: Problem, q: Floats, tolerance: float, max_iterati
                   exact if holds(system.hold) or hinged(system) else 0.0)
 
 
-def stiffen_penalty(system: Problem, state: Configuration) -> Problem:
-    """Return the Problem with contacts so stiff that they hardly give, their forces the same."""
-    return _stiffened(system, state, _FIRM) if obstructed(system.contact) else system
+@kernel
+def firm(contact: Any, system: Problem, q: Floats) -> Problem:
+    """Return the Problem with contacts so stiff that they hardly give at q (m, 3); forces stay."""
+    if contact is None:
+        return system
+    if contact.scene.kind.size == 0:
+        return system
+    state = new_configuration(system)
+    state.q[:] = q
+    evaluate(system, state)
+    return _stiffened(system, state, _FIRM)
 
 
 @kernel
