@@ -115,7 +115,7 @@ def test_arc_lengths_from_either_end(rng):
 def test_outliers_are_told_apart(outliers):
     observer = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE, outliers=outliers)
     off = []
-    for seed in range(4):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         truth = Truth.drawn(rng)
         estimate = looked(truth, observer, rng, START, 4, outliers=outliers)
