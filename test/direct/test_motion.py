@@ -609,7 +609,6 @@ def pressed(tilt=0.0, dt=3.8e-4, way=0.021, gap=0.0, friction=0.0, thing='plane'
 SLOWLY = {'dt': 1.5e-2, 'way': 0.05, 'friction': 0.4}
 
 
-@pytest.mark.every(2)
 @pytest.mark.parametrize('scene', [
     SLOWLY,
     SLOWLY | {'height': 0.5, 'gap': 1e-12},

@@ -227,8 +227,8 @@ def standing(seed):
 def test_what_hardly_stands_is_not_converged():
     turned = Rotation.from_rotvec([0.7e-5, -0.7e-5, 0.0]).as_matrix()
     converged, fallen = 0, 0
-    # at the edge of what is stable slopes are so large that any seems flat: the last seed is there
-    for seed in range(1, 7):
+    # at the edge of what is stable slopes are so large that any seems flat: 0 falls, 19 may stand
+    for seed in (0, 1, 2, 3, 4, 5, 19):
         direct, penalties, start = standing(seed)
         found = minimize_penalty(direct, penalties, start, max_iterations=100)
         converged, fallen = converged + found.converged, fallen + (found.shape.stability < 1e-4)
@@ -237,7 +237,7 @@ def test_what_hardly_stands_is_not_converged():
             aside = Pose.from_rotation(found.gripper.position, turned @ found.gripper.rotation)
             moved = direct.solve(aside, found.shape).positions - found.shape.positions
             assert np.abs(moved).max() < 0.05
-    assert converged > 3 and fallen > 0
+    assert converged > 3 and fallen > 1
 
 
 def test_a_plan_stands_as_well_as_is_required():
