@@ -91,7 +91,8 @@ def test_a_released_tube_pushes_as_bigonis_does():
     assert moment**2 / (2 * stiff) == pytest.approx(force, rel=1e-3)
 
 
-@pytest.mark.parametrize(('grip', 'slip'), [('tube', 0.0), ('ring', 0.3)])
+@pytest.mark.every(2)
+@pytest.mark.parametrize(('grip', 'slip'), [('ring', 0.3), ('tube', 0.0)])
 def test_shooting_on_kirchhoffs_equations_finds_the_same(grip, slip):
     simulator, holds = board(grip, slip, n_elements=128)
     shape = simulator.solve(HERE, holds=holds)
