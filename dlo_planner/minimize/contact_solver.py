@@ -3,11 +3,12 @@
 """A DLO among obstacles comes to rest: in which order methods are tried, and what is judged.
 
 Shape and contact forces are sought at once (`minimize.semismooth`), near where the DLO is. Where
-that finds nothing, a DLO at rest that touches something follows its flow, in which all contact
-forces of a step are found at once (`minimize.quasi_static`); on many points it does so first. Where
-this finds nothing, or nothing has been touched yet, the DLO is brought nearer to rest
-(`minimize.relaxation`), in a few stages: it gives way more gradually, and where it buckles on few
-points comes to the side to which it is bent. A series follows its flow on many points alone.
+that finds nothing, a DLO at rest follows its flow, in which all contact forces of a step are found
+at once (`minimize.quasi_static`), whether it touches something yet or not; on many points it does
+so first, between grips on few points after two stages of what follows. Where this finds nothing,
+the DLO is brought nearer to rest (`minimize.relaxation`), in a few stages: it gives way more
+gradually, and where it buckles on few points comes to the side to which it is bent. A series
+follows its flow on many points alone.
 What is found is judged as any other minimum: the points that bear are those that `active_set`
 chooses, and the shape stands; else it leaves its saddle, and all begins anew. What is judged is the
 residual with the limits of friction: it has no potential.
