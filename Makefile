@@ -47,7 +47,7 @@ computed:
 	$(RUN) -m pytest -n 2 --dist worksteal -m 'not real_time $(QUICK)'
 
 real-time:
-	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m 'real_time $(QUICK)' \
+	$(RUN) -m pytest -n 2 --dist loadgroup --no-loadscope-reorder -m 'real_time $(QUICK)' \
 	  -rR --reruns 1 --reruns-delay 5 --max-suite-reruns 5 test/ros test/view
 
 oldest:

@@ -59,6 +59,21 @@ def random_poses(count, seed=0):
     return [Pose((0, 0, 0), rng.normal(size=4)) for _ in range(count)]
 
 
+def random_ends(count, seed=0, cone=np.pi / 3):
+    """Return pairs of poses of a gripper and of a far end, slack to taut, of a wire of 1 m.
+
+    The end is .3 to .99 m away in any direction, and turned from the gripper by up to `cone`, rad.
+    """
+    rng, pairs = np.random.default_rng(seed), []
+    for gripper in random_poses(count, seed):
+        away, turn = rng.normal(size=3), rng.normal(size=3)
+        away *= rng.uniform(0.3, 0.99) / np.linalg.norm(away)
+        turn *= rng.uniform(0.0, cone) / np.linalg.norm(turn)
+        pairs.append((gripper, Pose.from_rotation(
+            away, Rotation.from_rotvec(turn).as_matrix() @ gripper.rotation)))
+    return pairs
+
+
 def rotations(poses):
     """Return (n, 3, 3) of Poses, as the floor takes them."""
     return np.array([pose.rotation for pose in poses])

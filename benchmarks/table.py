@@ -16,6 +16,7 @@ from benchmarks.cases import (
     hole,
     level,
     local,
+    random_ends,
     random_poses,
     scenes,
     swinging,
@@ -30,12 +31,14 @@ from dlo_planner import (
     Box,
     DirectSimulator,
     FarEnd,
+    Hold,
     InverseSimulator,
     Plane,
     Pose,
     Trajectory,
     parallel,
 )
+from dlo_planner.direct.sensitivity import Sensitivity
 
 _DEPTHS = np.linspace(0, 0.95, 100)
 _FEW = np.linspace(0, 0.9, 31)
@@ -198,6 +201,36 @@ def _held():
     yield row('far end held, step of 2 mm', warm, Goal(3, 'solves'))
     yield row('far end held, from the natural shape',
               lambda: Work(lambda: simulator.solve(gripper, far_end=end)), Goal(100, 'solves'))
+    yield row('random clamped ends, cold, local', _random_ends, Goal(1, 'ms'), floor='random')
+    yield row('step of a wire in two clips, its end clamped', _chain, Goal(20, 'ms'))
+    yield row('Sensitivity of 12 columns, local', _sensitivity, Goal(0.2, 'ms'))
+
+
+def _random_ends(count=40):
+    simulator = local()
+    pairs = [(gripper, FarEnd(end)) for gripper, end in random_ends(count)]
+
+    def solve_all():
+        for gripper, end in pairs:
+            simulator.solve(gripper, far_end=end)
+
+    return Work(solve_all, count)
+
+
+def _chain():
+    simulator = local()
+
+    def held_at(height):
+        return [Hold(level(height, 0.3), 'sleeve', 0.32), Hold(level(height, 0.6), 'sleeve', 0.65),
+                FarEnd(level(1.0, 0.85))]
+
+    known = simulator.solve(turned(0), holds=held_at(1.0))
+    return Work(lambda: simulator.solve(turned(0), known, holds=held_at(1.002)))
+
+
+def _sensitivity():
+    shape = local().solve(turned(0), far_end=held())
+    return Work(lambda: Sensitivity(shape).by_grips(0.5))
 
 
 def _second(simulator):

@@ -22,6 +22,8 @@ from dlo_planner import Pose, Rod  # noqa: E402
 
 # They time threads, processes and pages, without the fixture `domain`.
 _TIMED = ('test/ros/test_main.py', 'test/view/test_plan_page.py')
+# Planners that are started once for many files (test/ros/conftest.py), which takes seconds.
+_SHARED = ('_running', '_served')
 
 
 def pytest_collection():
@@ -35,8 +37,12 @@ def pytest_collection_finish():
     gc.enable()
 
 
-def pytest_collection_modifyitems(items):
-    """Mark what needs real time, and the cases that `make test` leaves to `make test-all`."""
+def pytest_collection_modifyitems(config, items):
+    """Mark what needs real time, and the cases that `make test` leaves to `make test-all`.
+
+    Where workers share tests by groups, a group is a file, or all files that one planner serves.
+    """
+    grouped = getattr(config.option, 'loadgroup', False)  # as a worker knows it
     cases = Counter()
     for item in items:
         if 'domain' in item.fixturenames or item.nodeid.startswith(_TIMED):
@@ -47,6 +53,9 @@ def pytest_collection_modifyitems(items):
             if cases[name] % every.args[0]:
                 item.add_marker(pytest.mark.sweep)
             cases[name] += 1
+        if grouped:
+            shared = [name for name in _SHARED if name in item.fixturenames]
+            item.add_marker(pytest.mark.xdist_group((shared or [item.path.name])[0]))
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -29,18 +29,16 @@ import scipy
 from dlo_planner.blas import one_thread
 from dlo_planner.direct.discretization import Discretization, Memory
 from dlo_planner.direct.search import KEPT, Search, evaluated, hinge_unknowns, minimum, with_hinge
-from dlo_planner.energy.contact import obstructed
 from dlo_planner.energy.elastic import purely_elastic
 from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.plastic import PlasticSection
-from dlo_planner.energy.problem import Configuration, Problem
+from dlo_planner.energy.problem import Problem
 from dlo_planner.errors import InvalidTask
-from dlo_planner.minimize.contact_solver import stiffen_penalty
 from dlo_planner.minimize.convergence import CONVERGED, residual_of
 from dlo_planner.minimize.hessian import Hessian
 from dlo_planner.minimize.newton import HELD_NEUTRAL
-from dlo_planner.minimize.response import gripper_answers, node_twists
+from dlo_planner.minimize.response import linearize, node_twists
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import estimate, results
 from dlo_planner.model.holds import Holds
@@ -119,13 +117,6 @@ class Linearized:
         return mesh.system(self.gripper.rotation, self.gripper.position, past, self.holds)
 
 
-def linearize(system: Problem, q: Floats) -> tuple[Problem, Configuration, Floats, Hessian]:
-    """Return a Problem at its equilibrium q (m, 3), contacts stiff, and its `gripper_answers`."""
-    if obstructed(system.contact):
-        system = stiffen_penalty(system, evaluated(system, q))
-    return system, *gripper_answers(system, q)
-
-
 @one_thread()
 def _vibration(mesh: Discretization, system: Problem, q: Floats) -> Vibration:
     """Return the Vibration about the equilibrium of a Problem at q (m, 3)."""
@@ -138,7 +129,7 @@ def _vibration(mesh: Discretization, system: Problem, q: Floats) -> Vibration:
     count = system.lengths.size + 1
     # springs of no strength, so that displacements are assembled too
     system = system._replace(anchor=InertiaTerm(np.zeros((count, 3)), np.zeros(count)))
-    system, state, answers, hessian = linearize(system, q)
+    system, state, answers, hessian, _ = linearize(system, q)
     jacobian = _jacobian(system, hessian, state.positions)
     carried = node_twists(system, state, answers, 6)[:, 3:]
     border = hessian.border

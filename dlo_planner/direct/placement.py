@@ -43,6 +43,9 @@ from dlo_planner.progress import uninterrupted
 _TURN, _SHIFT = 0.3, 0.08  # rad, part of the length: how far a grip goes in one part
 _FINER = 4   # times the parts of a way that is not found in larger ones
 _FINEST = 3  # times they are made smaller
+# steps in a part: so small that a strip that is turned by up to a turn while two clamps press it
+# together buckles in its first one, in 8 of 8; of parts it does in 1, of halves in 7
+_STEPS = 4
 _RELAXING = Search(12, False, 1e-5)  # between two parts of a motion
 _AGAIN = 8            # times that what is not out of obstacles yet is sought again there
 _SMALLEST = 2.0**-14  # part of the motion: what cannot be moved by it is blocked
@@ -71,12 +74,11 @@ class Predictor(NamedTuple):
 
 
 def moved(mesh: Discretization, previous: Shape, strains: Floats, goal: Grips, memory: Memory,
-          culled: bool, carefully: bool = False) -> Predictor:
+          culled: bool) -> Predictor:
     """Return where the search begins for a DLO whose grips go straight to a `goal`.
 
     They go from where they are in `previous`, whose `strains` (N, 3) the DLO has; it gives way.
-    Where an obstacle is between here and there, the motion is made in smaller parts. `carefully`:
-    of `follow_homotopy`.
+    Where an obstacle is between here and there, the motion is made in smaller parts.
     """
     amid = mesh.obstructed and not culled
     if not (goal.holds or amid):
@@ -88,16 +90,15 @@ def moved(mesh: Discretization, previous: Shape, strains: Floats, goal: Grips, m
     strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
     if amid:
         return _advance_in_parts(mesh, strains, begin, goal, memory, parts)
-    return _follow_way(mesh, strains, begin, goal, memory, parts, culled, carefully=carefully)
+    return _follow_way(mesh, strains, begin, goal, memory, parts, culled)
 
 
 def set_down(mesh: Discretization, strains: Floats, goal: Grips, memory: Memory,
-             settled: Settled, carefully: bool = False) -> Predictor:
+             settled: Settled) -> Predictor:
     """Return where the search begins for a DLO that is set down in its grips.
 
     It comes from `strains` (N, 3) that it has in its gripper alone: first without obstacles, then
     it grows to its thickness among them; torsion that is soft is as stiff as bending until then.
-    `carefully`: of `follow_homotopy`, on the mesh itself.
     """
     (gripper, holds), amid = goal, mesh.obstructed
     strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
@@ -115,8 +116,8 @@ def set_down(mesh: Discretization, strains: Floats, goal: Grips, memory: Memory,
 
     gripper, strains, past, _ = (
         _taut_shape(bare, gripper, holds, past, settled)
-        or not carefully and coarsely(bare, gripper, holds, past, parts, led)
-        or _follow_way(bare, strains, begin, goal, past, parts, False, carefully=carefully))
+        or coarsely(bare, gripper, holds, past, parts, led)
+        or _follow_way(bare, strains, begin, goal, past, parts, False))
     if amid:
         shape = equilibrium(bare, gripper, strains, past, holds)
         past = changed(firm.past(memory), hold=shape.state.left.hold)
@@ -154,8 +155,7 @@ def _parts_between(begin: Grips, goal: Grips, length: float) -> int:
 
 
 def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
-                parts: int, culled: bool, whole: bool = False,
-                carefully: bool = False) -> Predictor:
+                parts: int, culled: bool, whole: bool = False) -> Predictor:
     """Return where the search begins near the end of a straight way of all grips together.
 
     What is left is the last part, unless it goes the `whole` way. Where the DLO does not follow
@@ -184,13 +184,13 @@ def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips
             bases[:] = system.base
             q, forces, gone = uninterrupted(follow_homotopy(
                 with_hinge(system), displaced, hinge_unknowns(system, q), bases, targets, axes,
-                rows, carefully))
+                rows))
             first, last = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
                            for pose in (first, last))
             q = own_unknowns(system, q)
         else:
             q, forces, gone = uninterrupted(follow_homotopy(
-                system, displaced, q, bases, targets, axes, rows, carefully))
+                system, displaced, q, bases, targets, axes, rows))
         strains = mesh.strains_of(q)
         memory = changed(memory, hold=forces)
         arrived = gone == len(shares)
@@ -199,6 +199,12 @@ def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips
         done = shares[gone - 1] if gone else done
     # only a whole way has to arrive; the others begin a search
     return Predictor(last, strains, memory, arrived or not whole)
+
+
+def small_steps(begin: Grips, goal: Grips, length: float) -> list[Grips]:
+    """Return Grips on a straight way to a `goal`, and that, of a DLO of a `length` (m)."""
+    count = max(1, _STEPS * _parts_between(begin, goal, length))
+    return [*(begin.towards(goal, k / count) for k in range(1, count)), goal]
 
 
 def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.modes import linearize
 from dlo_planner.direct.search import evaluated
 from dlo_planner.direct.shape import Shape, refuse_self_contact, refuse_sliding
 from dlo_planner.errors import InvalidTask
@@ -20,6 +19,7 @@ from dlo_planner.minimize.response import (
     hanging_answers,
     hanging_slopes,
     hold_answers,
+    linearize,
     node_twists,
     strain_answers,
     twists_inside,
@@ -59,9 +59,8 @@ class Sensitivity:
         # the past before the step: what yields in it, yields along with the gripper
         system = here.system(gripper.rotation, gripper.position, shape.state.held, shape.holds,
                              culled=shape.state.culled)
-        self._system, self._state, self._answers, self._hessian = linearize(
+        self._system, self._state, self._answers, self._hessian, self._columns = linearize(
             system, here.unknowns(shape.element_strains))
-        self._columns = int(self._hessian.cross.shape[2])
         self._slides = any(np.any(contact.friction) for contact in shape.contacts)
         if self._slides:
             add_slip(self._system, self._state, self._hessian, self._answers, True)

@@ -527,7 +527,7 @@ class Shape(Pictured):
         * 'near': held as before, a little elsewhere;
         * 'moved': the grips are moved from where they were, around obstacles, in small parts;
         * 'set down': without a shape before, it is brought into its grips, then among obstacles;
-        * 'carefully': the grips go the same way with all guards, as quick steps led nowhere;
+        * 'in steps': the grips go the same way in small steps, to a shape in each;
         * 'by parts': what is between two grips is sought by itself, then all together;
         * 'in halves': held, among obstacles, it was not found at once; so may each half be;
         * 'from elsewhere': it falls onto the obstacles from above, or swings against them;

@@ -216,16 +216,28 @@ class _Rings:
         """Return the Shape held at places (n,), from one that is held at others."""
         holds = self._held(places)
         mesh = stretched(before.state.made_on, before.holds, holds, self._first)
-        alike_nodes = mesh.s.size == before.s.size
-        return step(mesh, self._gripper, changed(before, holds=holds),
-                    self._how._replace(holds=holds),
-                    before.element_strains if alike_nodes else None)
+        start = before.element_strains if mesh.s.size == before.s.size else None
+        return self._beside(mesh, changed(before, holds=holds), holds, start)
 
     def _on(self, mesh: Discretization, here: _Place) -> Shape:
         """Return the Shape at the same places on another mesh."""
         holds = here.shape.holds
-        return step(mesh.with_nodes(places_of(holds)), self._gripper, here.shape,
-                    self._how._replace(holds=holds))
+        return self._beside(mesh.with_nodes(places_of(holds)), here.shape, holds, None)
+
+    def _beside(self, mesh: Discretization, known: Shape, holds: Holds,
+                start: Floats | None) -> Shape:
+        """Return the Shape in holds beside one that is known, from strains (N, 3) if any.
+
+        A first shape has come to rest without friction. It has no way between the places that are
+        tried, either: with friction on that none of them would be in balance.
+        """
+        how = self._how._replace(holds=holds)
+        if self._initial is None and any(
+                one.friction for one in self._first.surroundings.obstacles):
+            if start is None:
+                start = mesh.strains_from(known.s, known.element_strains)
+            return step(mesh, self._gripper, None, how, start)
+        return step(mesh, self._gripper, known, how, start)
 
     def _held(self, places: Floats) -> Holds:
         """Return what holds the DLO with places (n,) in the rings, and does not slide."""

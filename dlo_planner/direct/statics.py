@@ -47,8 +47,8 @@ from dlo_planner.direct.equilibrium import (
     search_of,
     shape_of,
 )
-from dlo_planner.direct.grips import Grips
-from dlo_planner.direct.placement import Predictor, by_parts, moved, set_down
+from dlo_planner.direct.grips import Grips, grips_at
+from dlo_planner.direct.placement import by_parts, moved, set_down, small_steps
 from dlo_planner.direct.search import KEPT, described_minimum
 from dlo_planner.direct.shape import LYING, Shape, Try, hinge_of
 from dlo_planner.energy.gap import penetration_of_point
@@ -61,7 +61,7 @@ from dlo_planner.progress import INTERRUPT
 
 _DOUBTFUL = 2.0  # times the accuracy: what is expected to be off by more is off
 _OF_FIRST_SET = 0.25  # part of the accuracy: what is wanted where a DLO begins to yield
-_IN_PARTS = 300  # Newton steps of what lies on something and may be sought in smaller parts
+_IN_PARTS = 300  # Newton steps of what may be sought in smaller parts
 
 
 class StepInputs(NamedTuple):
@@ -289,9 +289,9 @@ def _strategies(mesh: Discretization, gripper: Pose, initial: Shape | None, how:
     shape = equilibrium(mesh, begin.gripper, begin.strains, begin.memory, holds, method=how.method,
                         culled=culled, watch=watch, how=search)
     yield 'moved', shape if begin.clear else replace(shape, converged=False, jumped=True)
-    if newton and not shape.converged and _may_be_led_carefully(mesh, gripper, holds, culled):
-        yield 'carefully', _led_carefully(mesh, moved(
-            mesh, initial, strains, Grips(gripper, holds), past, culled, True), holds, culled)
+    if newton and not shape.converged and _may_be_led(mesh, gripper, holds, culled):
+        yield 'in steps', _led(mesh, strains, past, grips_at(initial, holds),
+                               Grips(gripper, holds), culled)
 
 
 def _set_down(mesh: Discretization, gripper: Pose, how: StepInputs, past: Memory, strains: Floats,
@@ -300,10 +300,10 @@ def _set_down(mesh: Discretization, gripper: Pose, how: StepInputs, past: Memory
 
     `is_there`: whether it is nearly in its grips with them already, by another mesh.
     """
-    holds, newton, alone = how.holds, how.method == 'newton', (Grips(gripper, how.holds), past)
-    natural = strains
+    holds, newton, goal = how.holds, how.method == 'newton', Grips(gripper, how.holds)
+    natural, known = strains, past
     if holds and not is_there:
-        gripper, strains, past, _ = set_down(mesh, strains, *alone, _settled)
+        gripper, strains, past, _ = set_down(mesh, strains, goal, past, _settled)
         if newton:
             shape = held_nearby(mesh, gripper, strains, past, holds, culled, watch)
             yield 'set down', shape
@@ -312,11 +312,12 @@ def _set_down(mesh: Discretization, gripper: Pose, how: StepInputs, past: Memory
     shape = equilibrium(mesh, gripper, strains, past, holds, method=how.method, culled=culled,
                         watch=watch)
     yield 'set down', shape
-    if (newton and not (shape.converged or is_there)
-            and _may_be_led_carefully(mesh, alone[0].gripper, holds, culled)):
-        shape = _led_carefully(mesh, set_down(mesh, natural, *alone, _settled, True), holds,
-                               culled) or shape
-        yield 'carefully', shape if shape.converged else None
+    if (newton and not (shape.converged or is_there or mesh.yields)
+            and _may_be_led(mesh, goal.gripper, holds, culled)):
+        led = _led(mesh, natural, known, Grips(goal.gripper), goal, culled)
+        yield 'in steps', led
+        if led is not None:
+            return
     if mesh.obstructed:
         if (newton and not culled and shape.violation > KEPT * mesh.s[-1]
                 and _may_come_out(mesh, gripper, holds)):
@@ -326,22 +327,40 @@ def _set_down(mesh: Discretization, gripper: Pose, how: StepInputs, past: Memory
         yield 'by parts', _joined(mesh, gripper, past, holds)
 
 
-def _may_be_led_carefully(mesh: Discretization, gripper: Pose, holds: Holds,
-                          culled: bool) -> bool:
-    """Return whether a way of grips was gone by quick steps, which need not be right, to its end.
+def _may_be_led(mesh: Discretization, gripper: Pose, holds: Holds, culled: bool) -> bool:
+    """Return whether grips may lead a DLO to where they are in small steps, a shape in each.
 
-    Among obstacles and strands none are taken.
+    Not among obstacles and strands, where they may be stuck; nor to where it does not reach.
     """
-    amid = mesh.touches_itself or mesh.obstructed and not culled
-    return bool(holds) and not amid and all(
+    around, amid = mesh.surroundings, mesh.touches_itself or mesh.obstructed and not culled
+    return bool(holds) and not (amid or around.pinned or around.has_moments) and all(
         span.reaches(mesh.loaded) for span in spans_of(holds, gripper, float(mesh.s[-1])))
 
 
-def _led_carefully(mesh: Discretization, begin: Predictor, holds: Holds,
-                   culled: bool) -> Shape | None:
-    """Return the Shape next to the end of a way that was gone carefully, or None."""
-    shape = equilibrium(mesh, begin.gripper, begin.strains, begin.memory, holds, culled=culled)
-    return shape if shape.converged else None
+def _led(mesh: Discretization, strains: Floats, past: Memory, begin: Grips, goal: Grips,
+         culled: bool) -> Shape | None:
+    """Return the Shape at a `goal` to which grips lead a DLO in small steps, or None.
+
+    It has strains (N, 3) and a past in the grips in which it begins; the gripper alone, and it
+    comes to rest there first.
+    """
+    shape = equilibrium(mesh, begin.gripper, strains, past, begin.holds, culled=culled)
+    begin, in_vain = grips_at(shape, goal.holds), 0
+    for there in small_steps(begin, goal, float(mesh.s[-1])):
+        past = past_of(mesh, shape, past)
+        near = held_nearby(mesh, there.gripper, shape.element_strains, past, there.holds, culled)
+        if near is None:
+            at = moved(mesh, shape, shape.element_strains, there, past, culled)
+            near = equilibrium(mesh, at.gripper, at.strains, at.memory, there.holds, culled=culled,
+                               how=search_of(mesh, at.gripper, there.holds)._replace(
+                                   steps=_IN_PARTS))
+        if near.converged:
+            shape, in_vain = near, 0
+        elif in_vain or there is goal:
+            return None
+        else:
+            in_vain += 1  # beyond where it leaps, the next may be found
+    return shape
 
 
 def _settled(mesh: Discretization, gripper: Pose, holds: Holds) -> Shape:

@@ -3,11 +3,12 @@
 """A DLO among obstacles comes to rest: in which order methods are tried, and what is judged.
 
 Shape and contact forces are sought at once (`minimize.semismooth`), near where the DLO is. Where
-that finds nothing, a DLO at rest that touches something follows its flow, in which all contact
-forces of a step are found at once (`minimize.quasi_static`); on many points it does so first. Where
-this finds nothing, or nothing has been touched yet, the DLO is brought nearer to rest
-(`minimize.relaxation`), in a few stages: it gives way more gradually, and where it buckles on few
-points comes to the side to which it is bent. A series follows its flow on many points alone.
+that finds nothing, a DLO at rest follows its flow, in which all contact forces of a step are found
+at once (`minimize.quasi_static`), whether it touches something yet or not; on many points it does
+so first, between grips on few points after two stages of what follows. Where this finds nothing,
+the DLO is brought nearer to rest (`minimize.relaxation`), in a few stages: it gives way more
+gradually, and where it buckles on few points comes to the side to which it is bent. A series
+follows its flow on many points alone.
 What is found is judged as any other minimum: the points that bear are those that `active_set`
 chooses, and the shape stands; else it leaves its saddle, and all begins anew. What is judged is the
 residual with the limits of friction: it has no potential.
@@ -18,12 +19,15 @@ wanted, on a way between two poses, nearly at rest is enough.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from dlo_planner.energy.contact import obstructed, trial_traction
 from dlo_planner.energy.gap import closest_point
 from dlo_planner.energy.grip import constraint_violation, holds, reaction_of, set_reaction
 from dlo_planner.energy.inertia import has_inertia
+from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import (
     Configuration,
     Problem,
@@ -140,9 +144,17 @@ def constrained_newton(system: Problem, q: Floats, tolerance: float, max_iterati
                   exact if holds(system.hold) or hinged(system) else 0.0)
 
 
-def stiffen_penalty(system: Problem, state: Configuration) -> Problem:
-    """Return the Problem with contacts so stiff that they hardly give, their forces the same."""
-    return _stiffened(system, state, _FIRM) if obstructed(system.contact) else system
+@kernel
+def firm(contact: Any, system: Problem, q: Floats) -> Problem:
+    """Return the Problem with contacts so stiff that they hardly give at q (m, 3); forces stay."""
+    if contact is None:
+        return system
+    if contact.scene.kind.size == 0:
+        return system
+    state = new_configuration(system)
+    state.q[:] = q
+    evaluate(system, state)
+    return _stiffened(system, state, _FIRM)
 
 
 @kernel

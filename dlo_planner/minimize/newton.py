@@ -741,8 +741,7 @@ def _height(system, state, trial, step, mode):
 
 @kernel
 def follow_homotopy(system: Problem, displaced: Any, q: Floats, bases: Floats, targets: Floats,
-                    axes: Floats, rows: Floats,
-                    carefully: bool) -> tuple[Floats, Floats, int]:
+                    axes: Floats, rows: Floats) -> tuple[Floats, Floats, int]:
     """Return unknowns (m, 3) and multipliers (K,) where all grips have gone a way of n parts.
 
     And how many of these they have gone. What is near after a part, or several, is sought without
@@ -754,7 +753,6 @@ def follow_homotopy(system: Problem, displaced: Any, q: Floats, bases: Floats, t
             springs of grips
         bases: (n, 3, 3) of the gripper
         targets, axes, rows: of HoldRows, (n, A, 3), (n, A, 3, 3), (n, K, 6)
-        carefully: whether each part is sought with all guards
     """
     hold = system.effects.hold
     springless = replaced(
@@ -775,7 +773,7 @@ def follow_homotopy(system: Problem, displaced: Any, q: Floats, bases: Floats, t
         k = min(gone + parts, bases.shape[0]) - 1
         before[:], residual = forces, np.inf
         # what is in the way is looked at on the steps of the other search alone
-        if not (kept_apart or carefully):
+        if not kept_apart:
             state, residual, _, steps, _, _, _ = newton_descent(
                 _regripped(springless, bases[k], targets[k], axes[k], rows[k], forces), q, near,
                 near_work)

@@ -24,6 +24,7 @@ from dlo_planner.energy.terms import constraint_jacobian, row_count
 from dlo_planner.geometry.kinematics import part_of_element, point_inside, put_own_twist
 from dlo_planner.geometry.so3 import coefficients_in, minus, vector
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.contact_solver import firm
 from dlo_planner.minimize.contact_table import touching
 from dlo_planner.minimize.dense import lu_factor, lu_solve
 from dlo_planner.minimize.hessian import (
@@ -56,6 +57,17 @@ def strain_answers(system: Problem, hessian: Hessian, slopes: Floats) -> Floats:
             out[k, e, 0], out[k, e, 1], out[k, e, 2] = (scale[e, 0] * x, scale[e, 1] * y,
                                                         scale[e, 2] * z)
     return out
+
+
+@kernel
+def linearize(system: Problem, q: Floats) -> tuple[Problem, Configuration, Floats, Hessian, int]:
+    """Return a Problem at its equilibrium q (m, 3), contacts firm, and its `gripper_answers`.
+
+    The last one is how many of a gripper's twists have answers, see `node_twists`.
+    """
+    there = firm(system.effects.contact, system, q)
+    state, answers, hessian = gripper_answers(there, q)
+    return there, state, answers, hessian, hessian.cross.shape[2]
 
 
 @kernel

@@ -38,6 +38,7 @@ def refuses(task):
     raise Infeasible('nothing is possible', 0, 'stability', 1.0)
 
 
+@pytest.mark.sweep
 def test_a_bar_goes_through_the_hole():
     outcome = run(bar_task(0.003), OpenLoop(pushed))
     assert outcome.threaded

@@ -248,8 +248,8 @@ def test_hand_over_hand_each_stage_is_proved_and_written():
     Path('grasps.yaml').write_text(
         '{type: ThreadInGrasps, length: 0.2, hold_at: 0.8, cutout: {pose: [0, 0, 1], radius: 0.02}'
         ', feed: [-0.7, 0, 0.9, 1, 0, -0.5]}', encoding='utf-8')
-    result = run('plan', 'copper_wire', 'grasps.yaml', '--prove', '-o', 'grasps.npz', '-o',
-                 'motion.csv')
+    result = run('plan', 'copper_wire', 'grasps.yaml', '-p', 'threading.waypoints=12', '--prove',
+                 '-o', 'grasps.npz', '-o', 'motion.csv')
     assert result.exit_code == 0, result.output
     plan = Plan.load('grasps.npz')
     assert [stage.name for stage in plan.stages] == [
@@ -556,7 +556,8 @@ SOFT = ['-p', 'rod.diameter=0.0007', '-p', 'rod.length=1.0']
 
 
 def test_an_oblique_plan_and_what_would_help():
-    wire = ['thread', 'copper_wire', *SOFT, '--hole', '0,0,1,1,0,-0.5', '--radius', '0.02']
+    wire = ['thread', 'copper_wire', *SOFT, '-p', 'threading.waypoints=12',
+            '--hole', '0,0,1,1,0,-0.5', '--radius', '0.02']
     oblique = run(*wire)
     assert oblique.exit_code == 0, oblique.output
     assert float(re.search(r'misalignment +([\d.e-]+) +deg', oblique.output)[1]) > 10
@@ -568,7 +569,8 @@ def test_an_oblique_plan_and_what_would_help():
     assert 'note: margin is the clearance less two deviations' in narrow.output
     along = run(*wire, '--max-misalignment', '0')
     assert along.exit_code == NO_SOLUTION and 'stability' in along.output
-    wide = run(*wire, '--margin', '0.05')
+    wide = run('thread', 'rubber_hose', '--hole', '0,0,1', '--radius', '0.012', '--margin', '0.05',
+               '--max-misalignment', '0')
     assert wide.exit_code == NO_SOLUTION and 'margin = 0.05 m' in wide.output
     up = run('thread', 'copper_wire', *SOFT, '--hole', '0,0,1,1,0,0.6', '--radius', '0.02')
     assert up.exit_code == NO_SOLUTION

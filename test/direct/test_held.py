@@ -366,6 +366,7 @@ def test_a_mesh_that_begins_deep_inside_a_bar_comes_out(grip, stiffness, end, he
     check_laws(rod, shape)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('mesh', [{'n_elements': 32, 'basis': 'local'}, {'accuracy': 1e-3}])
 @pytest.mark.parametrize('loads', [{}, {'gravity': (0, 0, 0), 'load': (0, 0, -0.5)}])
 def test_what_hangs_through_a_box_is_laid_over_it(loads, mesh):

@@ -667,6 +667,7 @@ def led_together(thing, axis, gravity, grip='clamped', slack=0.0, instants=21, d
         [Pose.looking_along(axis * way, axis) for way in ways], dt, far_ends=ends)
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize('grip', ['clamped', 'pinned'])
 @pytest.mark.parametrize('gravity', [(0, 0, -9.81), (-9.81, 0, 0), (0, 0, 0)])
 @pytest.mark.parametrize(('slack', 'dt'), [(0.0, 0.02), (1e-5, 1e-3), (1e-3, 1e-3)])
@@ -775,6 +776,7 @@ def test_grips_that_come_to_full_length_are_followed_until_then():
     assert motion.message.startswith('out of reach: at 0.0')
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('grip', ['clamped', 'pinned'])
 @pytest.mark.parametrize(('dt', 'twist'), [(1e-3, 0.0), (5e-3, 0.0), (0.05, 0.0), (0.05, 1e-3)])
 def test_where_nothing_tells_how_it_buckles_the_estimate_is_how_far_it_may_be(grip, dt, twist):

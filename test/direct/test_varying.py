@@ -26,7 +26,7 @@ def error(shape, true, gripper=HERE):
     return np.linalg.norm(shape.positions_at(samples) - exact, axis=1).max()
 
 
-@pytest.mark.every(11)
+@pytest.mark.every(22)
 @pytest.mark.parametrize('options', [{}, {'accuracy': 1e-5}, {'n_elements': 64},
                                      {'basis': 'local', 'n_elements': 40}])
 @pytest.mark.parametrize('seed', range(4))

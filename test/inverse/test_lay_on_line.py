@@ -77,6 +77,7 @@ def test_the_end_and_its_tangent_are_on_the_line(rod):
     assert report.converged and max(report.position_error, report.misalignment) < 1e-6
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('rod', RODS.values(), ids=RODS)
 def test_no_other_end_has_the_last_part_nearer_to_the_line(rod):
     length = 0.3

@@ -74,6 +74,7 @@ def own_clearance(positions, cutout, radius):
     return gaps.min() - radius
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('elevation', [10, 0, -10, -20])
 def test_the_measured_wire_gets_through(elevation):
     found = plan(WIRE, hole(elevation))
@@ -92,6 +93,7 @@ def test_the_measured_wire_gets_through(elevation):
         assert along.margin.min() < found.margin.min() - 1e-3
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('rod', 'cutout'), [
     (WIRE, hole(0)), (BENT, hole(-25, 0.05, 40)), (BENT, hole(-80, 0.03, 0))],
     ids=['wire', 'bent', 'bent steep'])

@@ -123,6 +123,7 @@ def test_what_coarse_waypoints_miss_is_what_fine_ones_miss():
     np.testing.assert_allclose(*missed, rtol=0.05)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('seed', [211, 219])
 def test_it_is_as_near_as_a_search_from_other_rolls_comes(seed):
     rng = np.random.default_rng(seed)

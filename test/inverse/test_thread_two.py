@@ -98,6 +98,7 @@ def test_a_roll_that_has_to_go_around_a_fold_is_found_on_any_mesh(elements):
     assert len(plan) == 40 and plan.position_error.max() < 1e-9 and plan.stability.min() > 0.4
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('seed', [6, 18, 22])
 def test_a_plan_that_begins_deep_asks_nothing_of_the_free_end_before(seed):
     # both centers are on a shape in which a soft DLO hangs; no shape ends in the second one

@@ -175,7 +175,7 @@ def test_forces_at_the_end_of_a_way_are_those_of_its_last_good_part():
         return follow_homotopy(
             system, mesh.held.needs.displaced, mesh.unknowns(np.array(start.element_strains)),
             np.stack([np.eye(3)] * count), np.stack([[end.pose.position] for end in ends[:count]]),
-            axes[:count], mesh.grip_rows((ends[0],), axes[:count]), False)
+            axes[:count], mesh.grip_rows((ends[0],), axes[:count]))
 
     q, forces, gone = followed(len(ends))
     assert 0 < gone < len(ends)

@@ -112,6 +112,7 @@ def test_an_obstacle_that_has_a_name_is_called_by_it():
     assert way.min_margin(Pose(middle, (0, 0, 0, 1)))[0] == 'workspace.keep_out[post {2}]'
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('size', [{'radius': 4e-3}, {'width': 8e-3, 'height': 0.02}])
 @pytest.mark.parametrize('thickness', [0.0, 4e-3])
 def test_clearances_against_dense_sampling(size, thickness):

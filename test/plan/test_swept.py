@@ -166,6 +166,7 @@ def moved(plan, number):
     return u, DIRECT.track([Pose.from_rotation(*pose) for pose in poses])
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('depths', [FEW, np.linspace(0, 0.9, 4), np.linspace(0, 0.9, 5),
                                     np.linspace(0, 0.9, 9)])
 def test_the_dlo_in_the_hole_between_waypoints(depths):

@@ -146,6 +146,7 @@ def test_a_dlo_that_yields_is_that_of_track(method, step, tasks, rounds):
         shape.evaluations or shape.iterations for shape in serial)
 
 
+@pytest.mark.sweep
 def test_it_does_not_matter_who_computes():
     simulator, way = yielding(method='dfp'), there_and_back(10)[:12]
     rough = {'tolerance': np.inf, 'integrator': 'paper'}

@@ -90,6 +90,7 @@ def test_a_leg_takes_over_how_the_dlo_moves_at_the_end_of_the_one_before(name):
     np.testing.assert_allclose(one.waited(alone, period), known, atol=1e-12)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('name', 'k'), [('wire', 0), ('wire', 1), ('hose', 1),
                                          ('leaf spring', 0)])
 def test_the_real_dlo_deviates_as_predicted(name, k):

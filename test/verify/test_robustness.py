@@ -237,6 +237,7 @@ def test_a_node_at_the_end_stays_on_a_shorter_dlo():
     np.testing.assert_allclose(got[1].sampled, got[0].sampled, atol=1e-9)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('s', [1.0, 0.999])
 def test_a_load_at_the_end_stays_on_a_shorter_dlo(s):
     got = []

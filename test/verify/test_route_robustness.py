@@ -57,6 +57,7 @@ def aside(shape, fitting):
     return place @ fitting.aside
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('name, fitting', [('clip 1', CLIP), ('fork 2', FORK)])
 def test_a_miss_of_a_mouth_to_first_order_is_that_of_other_solutions(name, fitting):
     spread = Uncertainty(bending_stiffness=0.02, gripper_rotation=1e-3, gripper_position=1e-5)
