@@ -103,8 +103,11 @@ def colliding_mesh(known: Discretization) -> Discretization:
 
 
 def first_shape(discretization: Discretization, gripper: Pose, holds: Holds,
-                initial: Shape, memory: Memory | None) -> Shape:
-    """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings."""
+                initial: Shape, memory: Memory | None, goes_on: bool = False) -> Shape:
+    """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings.
+
+    `goes_on`: whether that is where a motion of the same DLO ended.
+    """
     length = discretization.s[-1]
     _check_held('gripper', 'grippers[0]', FarEnd(gripper), initial.gripper, length)
     for hold in holds:
@@ -112,6 +115,8 @@ def first_shape(discretization: Discretization, gripper: Pose, holds: Holds,
         if hold.s is not None:
             what, where = f'place at s = {hold.s:g} m', f'holds[0] of {hold.by}'
         _check_held(what, where, hold, initial.at(place_of(hold, float(initial.s[-1]))), length)
+    if goes_on and discretization.touches_itself and initial.state.mesh is discretization:
+        return initial  # a search would move strands to where they bear at rest, without springs
     past = past_of(discretization, initial, memory)
     strains = discretization.strains_from(initial.s, initial.element_strains)
     first = equilibrium(discretization, gripper, strains, past, holds, how=Search(0, False))

@@ -294,10 +294,9 @@ def springs_between(mesh: Discretization, gripper: Pose, holds: Holds, strains: 
                             rub_limit=np.linalg.norm(friction[:, :2], axis=1))
 
 
-def stored_between(mesh: Discretization, gripper: Pose, holds: Holds, strains: Floats,
-                   positions: Floats, rub_of: Ints, rubs: Floats) -> float:
+def stored_between(mesh: Discretization, strands: Strands, positions: Floats,
+                   rubs: Floats) -> float:
     """Return the energy in the springs of `springs_between`, of friction too, J."""
-    strands = springs_between(mesh, gripper, holds, strains, positions, rub_of, rubs)
     stretched = [reach - nearest_points(mesh.free.lengths, strands.rays, positions, i, j)[2]
                  for (i, j), reach in zip(strands.pair.tolist(), strands.pair_reach.tolist(),
                                           strict=True)]

@@ -580,7 +580,7 @@ class DirectSimulator(Value):
         if goes_on and initial is not None and made_by(self, initial):
             # on its own mesh: where another one is pressed in, what bears would be thrown off
             mesh = initial.state.made_on.with_nodes(places_of(holds))
-            return first_shape(mesh, gripper, holds, initial, self._history), mesh
+            return first_shape(mesh, gripper, holds, initial, self._history, True), mesh
         if self.accuracy is not None:
             known = self._equilibrium(gripper, initial, holds)
             if known.state.mesh is not mesh or mesh.s.size <= _ENOUGH:

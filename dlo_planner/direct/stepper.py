@@ -111,7 +111,8 @@ class Row(NamedTuple):
                   for name in cls._fields[:2]]
         arrays += [getattr(buffer, name)[which] for name in cls._fields[2:-6]]
         tables = [np.array(getattr(buffer, name)) for name in table]
-        freeze([arrays, tables])
+        for array in (*arrays, *tables):  # (what `freeze` does, by a call for each)
+            array.flags.writeable = False
         found = []
         for k, row in enumerate(which):
             points, contacts, rubs = (slice(*one[row:row + 2]) for one in buffer.starts)
@@ -185,11 +186,16 @@ class TimePoint:
                 mesh.free, self.how, gripper.rotation, gripper.position, np.array(row.nodes),
                 np.array(row.bends)))
         if mesh.touches_itself:
-            from dlo_planner.direct.self_contact import springs_between  # noqa: PLC0415  (few need it)
+            from dlo_planner.direct.self_contact import (  # noqa: PLC0415  (few need it)
+                springs_between,
+                stored_between,
+            )
             strands = springs_between(mesh, gripper, holds, row.bends[0], row.nodes[0], row.rub_of,
                                       row.rubs)
             touching, _, known = self_contacts_of(mesh.s, row.nodes[0], strands)
-            shape = replace(shape, self_contacts=touching)
+            # (what is at rest has no energy in these springs)
+            stored = stored_between(mesh, strands, row.nodes[0], row.rubs)
+            shape = replace(shape, self_contacts=touching, energy=shape.energy - stored)
         past = shape.state.history if shape.state.history is not self.begun else mesh.start
         if past is not None and mesh.rubs_itself:  # what goes on from here rubs as it does here
             past = changed(past, strands=read_only(known))
@@ -403,9 +409,12 @@ class Stepper:
         wrench, (gripper, holds) = shape.gripper_wrench, self.grips.at(0.0)
         rubs = self._rubs(left)
         if mesh.touches_itself:  # at rest forces stand beside springs, which may store more
-            from dlo_planner.direct.self_contact import stored_between  # noqa: PLC0415
-            energies[STATIC] += stored_between(mesh, gripper, holds, np.array(here.strains),
-                                               nodes[0], *rubs)
+            from dlo_planner.direct.self_contact import (  # noqa: PLC0415
+                springs_between,
+                stored_between,
+            )
+            strands = springs_between(mesh, gripper, holds, np.array(here.strains), nodes[0], *rubs)
+            energies[STATIC] += stored_between(mesh, strands, nodes[0], rubs[1])
         if mesh.loaded and unreached(holds, gripper, mesh.s.item(-1), True):
             wrench, known = np.nan_to_num(wrench), np.nan_to_num(known)  # see `at_full_length`
         row = Row(nodes, bends, shape.frames, wrench, known,

@@ -466,13 +466,15 @@ def test_friction_goes_along_in_files_and_in_shapes(opened, tmp_path):
     np.testing.assert_array_equal(known.history.frames, last.frames)
 
 
+DRAWN = [far(LAST, 0.45 + 0.01 * (t - np.sin(2 * np.pi * t) / (2 * np.pi)))
+         for t in np.linspace(0.0, 1.0, 41)]
+
+
 @pytest.fixture(scope='module')
 def drawn(shapes):
     """Return motions in which the loop is drawn out, with friction and without."""
-    part = np.linspace(0.0, 1.0, 41)
-    ends = [far(LAST, 0.45 + 0.01 * (t - np.sin(2 * np.pi * t) / (2 * np.pi))) for t in part]
     return tuple(simulator(self_contact=True, self_friction=friction).simulate(
-        [GRIPPER] * 41, 0.0125, initial=shapes[-1], far_ends=ends) for friction in (FRICTION, 0.0))
+        [GRIPPER] * 41, 0.0125, initial=shapes[-1], far_ends=DRAWN) for friction in (FRICTION, 0.0))
 
 
 def slipped(before, after, one):
@@ -507,6 +509,20 @@ def test_what_strands_that_rub_in_a_motion_take_is_the_work_of_coulombs_law(draw
     assert np.diff(rough.numerical_loss).min() > -2e-3 * missing
     assert np.abs(rough.numerical_loss).max() < 0.02 * missing
     assert rough.work[-1] > 1.05 * smooth.work[-1]
+
+
+def test_a_motion_that_goes_on_rubs_as_if_it_had_not_ended(shapes, drawn):
+    whole, rough = drawn[0], simulator(self_contact=True, self_friction=FRICTION)
+    first = rough.simulate([GRIPPER] * 21, 0.0125, initial=shapes[-1], far_ends=DRAWN[:21])
+    then = rough.simulate([GRIPPER] * 4, 0.0125, initial=first, far_ends=DRAWN[20:24])
+    assert then.shapes[0].energy == first.shapes[-1].energy
+    assert then.energy[0] == pytest.approx(first.energy[-1], rel=1e-7)
+    for one, other in zip(then.shapes, whole.shapes[20:], strict=False):
+        np.testing.assert_allclose(one.positions, other.positions, atol=1e-3 * RADIUS)
+        assert len(one.self_contacts) == len(other.self_contacts) > 1
+        for here, there in zip(one.self_contacts, other.self_contacts, strict=True):
+            assert np.linalg.norm(there.friction) > 0.05 * there.force
+            np.testing.assert_allclose(here.friction, there.friction, atol=2e-3 * there.force)
 
 
 @pytest.mark.parametrize(('more', 'message'), [
