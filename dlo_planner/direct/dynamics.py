@@ -240,33 +240,34 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     of a second-order error, half of a first-order one (Richardson's extrapolation). Where that is
     not known, after `most` times that kernels have asked whether they are to end (which is work,
     not time), it is what doubling everything changes: for a quarter of the work of the motion, all
-    of a first-order error, thrice one of second order. Among obstacles it depends on when something
-    lands and slips, and is of no order: there the first is taken three times, of order one half it
-    were 3.4, and the second twice. Where neither could follow, or they are so far apart that
-    nothing foretells where the DLO goes, it is what holds for any two shapes in one gripper: twice
-    the length. Where nothing that was given tells how the DLO buckled between its grips, it is at
-    least what holds for any two shapes in these.
+    of a first-order error, thrice one of second order. Among obstacles, and between strands, it
+    depends on when something lands and slips, and is of no order: there the first is taken three
+    times, of order one half it were 3.4, and the second twice. Where neither could follow, or they
+    are so far apart that nothing foretells where the DLO goes, it is what holds for any two shapes
+    in one gripper: twice the length. Where nothing that was given tells how the DLO buckled between
+    its grips, it is at least what holds for any two shapes in these.
     """
     made = _Made(ends, positions, samples, _sizes(plan.steps))
     coarse = stepper.discretization
-    obstructed, farthest = bool(coarse.surroundings.obstacles), 2.0 * float(coarse.s[-1])
-    most /= _DEAR if obstructed else 1.0
+    lands = bool(coarse.surroundings.obstacles) or coarse.touches_itself
+    farthest = 2.0 * float(coarse.s[-1])
+    most /= _DEAR if lands else 1.0
     found = np.full(len(ends), np.inf)
-    parted = _compare(_finer(stepper, made.sizes, _UNGUARDED if obstructed else 1.0), begun, plan,
+    parted = _compare(_finer(stepper, made.sizes, _UNGUARDED if lands else 1.0), begun, plan,
                       made, found, most)
-    found *= _LANDING if obstructed else 2.0 if plan.integrator == 'paper' else 4 / 3
+    found *= _LANDING if lands else 2.0 if plan.integrator == 'paper' else 4 / 3
     if np.isinf(found).any() and not parted:
         rough = np.full(len(ends), np.inf)
         other = _coarser(stepper, made.sizes, _ROUGH_GAIN)
         # Contacts on another mesh change the energy by more than any useful limit, so the first run
         # has none; if it gets lost, a limit may keep it on the way.
-        for gain in (_UNGUARDED, _ROUGH_GAIN) if obstructed else (_ROUGH_GAIN,):
+        for gain in (_UNGUARDED, _ROUGH_GAIN) if lands else (_ROUGH_GAIN,):
             told = np.full(len(ends), np.inf)
             if not _compare(other._replace(gain=gain), begun, plan, made, told, _ROUGHLY * most):
                 rough = np.where(np.isinf(rough), told, rough)
             if not np.isinf(rough).any():
                 break
-        found = np.where(np.isinf(found), 2.0 * rough if obstructed else rough, found)
+        found = np.where(np.isinf(found), 2.0 * rough if lands else rough, found)
     chosen = [farthest_between(stepper, place) if place > plan.chosen else 0.0 for place in ends]
     errors: Floats = np.maximum.accumulate(np.minimum(found, farthest))
     errors = np.maximum(errors, np.maximum.accumulate(chosen))
@@ -352,7 +353,7 @@ def _every_other(mesh: Discretization, holds: Holds, more: ArrayLike = ()) -> In
 
 # times as long it takes on average, among obstacles, until a kernel or a call of one asks
 _DEAR = 4.0
-# times what halving everything changes, among obstacles: the error, of an order below one
+# times what halving everything changes, where something may land: the error, of order one half
 _LANDING = 3.0
 # times as much work as the finer motion may take the coarser one, which has to come to the end:
 # chosen, not measured

@@ -511,6 +511,13 @@ def test_what_strands_that_rub_in_a_motion_take_is_the_work_of_coulombs_law(draw
     assert rough.work[-1] > 1.05 * smooth.work[-1]
 
 
+def test_the_error_of_a_motion_tells_something_where_strands_bear(drawn):
+    for motion in drawn:
+        assert np.all(np.diff(motion.error_estimate) >= 0.0)
+        assert 1e-4 * LENGTH < motion.error_estimate[0] < 1e-2 * LENGTH
+        assert motion.error_estimate[-1] < 0.25 * LENGTH
+
+
 def test_a_motion_that_goes_on_rubs_as_if_it_had_not_ended(shapes, drawn):
     whole, rough = drawn[0], simulator(self_contact=True, self_friction=FRICTION)
     first = rough.simulate([GRIPPER] * 21, 0.0125, initial=shapes[-1], far_ends=DRAWN[:21])
