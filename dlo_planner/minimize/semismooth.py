@@ -69,9 +69,9 @@ from dlo_planner.minimize.kkt import add_all, dots, put_scaled
 from dlo_planner.minimize.newton import HELD_NEUTRAL
 
 _TINY = 1e-4      # of a negligible force: of candidates that are far away
-_CHANGES, _MORE_CHANGES = 8, 20       # times that contacts are let go or taken back
+_CHANGES = 8      # times that contacts are let go or taken back
 _FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
-_STEPS, _MORE_STEPS = 24, 80  # Newton steps at most, and of what has come from afar
+_STEPS = 24       # Newton steps at most
 _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
 _FALLS = 0.5         # of the error before: what falls less does not converge
 _STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves per rad turned since
@@ -312,7 +312,6 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
     begin, hessian = new_configuration(system), new_hessian(system)
     begin.q[:] = q
     neutral = age > 0.0  # literals would be compiled for by themselves
-    most = _MORE_CHANGES if afar else _CHANGES
     if not (afar or bears(system.effects.contact.contacts)):
         return False, begin, np.inf, np.inf, system, hessian, age, 0
     place(system, begin)
@@ -322,7 +321,7 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
     last = touching(system.effects.contact.scene, system.effects.contact.contacts, system.lengths,
                     begin)
     vain, worked = 0, np.zeros(1)
-    for steps in range(_MORE_STEPS if afar else _STEPS):
+    for steps in range(_STEPS):
         if is_to_end(worked, system, 1 + last.gap.size):
             break
         loaded = loaded_by_contacts(loaded, state, previous, -exact, False, afar)
@@ -348,7 +347,7 @@ def semismooth_newton(system, q, tolerance, exact, previous, afar):
         fresh = not same or not _STALE * age * residual < tolerance or rubs
         if fresh and not linearize(loaded, state, hessian, neutral):
             break
-        if not complementarity_step(loaded, state, table, hessian, most, 0.0, 1.0, _FARTHEST,
+        if not complementarity_step(loaded, state, table, hessian, _CHANGES, 0.0, 1.0, _FARTHEST,
                                     normal, shear, step, right, reaction):
             break
         change = largest_turn(loaded, hessian, step) + softness * _difference(table.force, normal)
