@@ -507,7 +507,8 @@ def test_what_strands_that_rub_in_a_motion_take_is_the_work_of_coulombs_law(draw
     assert missing > 5e-4
     assert missing == pytest.approx(rubbed, rel=0.15)
     assert np.diff(rough.numerical_loss).min() > -2e-3 * missing
-    assert np.abs(rough.numerical_loss).max() < 0.02 * missing
+    # (friction that is limited by forces of the step before takes 1.6 times that)
+    assert np.abs(rough.numerical_loss).max() < 1.5e-3 * missing
     assert rough.work[-1] > 1.05 * smooth.work[-1]
 
 
