@@ -789,7 +789,7 @@ def put_slip(strands, lengths, now, p, places, frames, touch):
         return -1.0
     width = tangents(now.positions, i, s, j, t, touch.axes)
     # (what springs bear alone lies in each other: both surfaces are where they would meet)
-    thick = min(1.0, width / strands.pair_reach[p])
+    thick = min(1.0, width / _reach(strands.strand_radius, i, j))
     nodes, shares, arms, away, turned = (touch.nodes, touch.shares, touch.arms, np.zeros(3),
                                          np.zeros(3))
     nodes[0], nodes[1], nodes[2], nodes[3] = i, i + 1, j, j + 1
