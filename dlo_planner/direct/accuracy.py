@@ -102,7 +102,8 @@ def judged(shape: Shape, accuracy: float) -> Shape:
         landed = changed(shape, state=changed(shape.state, estimate=estimate.where_it_lies))
     if not shape.converged or landed.error_estimate <= accuracy:
         return shape
-    return changed(shape, converged=False)
+    missed = landed.error_estimate, accuracy
+    return changed(shape, converged=False, state=changed(shape.state, missed=missed))
 
 
 def _error_nearby(shape: Shape) -> float:

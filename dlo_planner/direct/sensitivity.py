@@ -31,7 +31,9 @@ from dlo_planner.model.pose import displaced
 class Sensitivity:
     """Derivatives of a Shape by the pose of its gripper, and of each of its A holds.
 
-    All other grips rest.
+    All other grips rest. What slides with friction does so in the same points of the DLO: how these
+    roll along it is left out, by which columns of 50 random shapes that lay on a floor were off by
+    0.4 % in the median, 9 % at most.
 
     Parameters
     ----------

@@ -251,6 +251,8 @@ class State(Value):
     overspent: float = field(default=0.0, compare=False)  # J, see `statics.overspent`
     feed: Feed | None = field(default=None, compare=False)  # None: there is no ring
     tried: tuple[Try, ...] = field(default=(), compare=False)  # strategies of the last step
+    # error and the accuracy that was asked for, m, where that is not kept
+    missed: tuple[float, float] | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Discretization):  # else a simulator made it
@@ -510,8 +512,9 @@ class Shape(Pictured):
         if self.hinge is not None:
             return f'not converged: {self._hinge_in_words}'
         if self.nearly:
-            return f'nearly converged: {figures}'
-        cause = self.impossible or self._cause()
+            return 'nearly converged: ' + '; '.join(filter(None, (
+                figures, self._inaccuracy_in_words)))
+        cause = self.impossible or self._inaccuracy_in_words or self._cause()
         return (f'not converged{", jumped" if self.jumped else ""}: {figures}'
                 + (f'; {cause}' if cause else ''))
 
@@ -565,6 +568,13 @@ class Shape(Pictured):
                                        mesh.free.natural):
             return 'an element is bent by more than half a turn'
         return ''
+
+    @property
+    def _inaccuracy_in_words(self) -> str:
+        if self.state.missed is None:
+            return ''
+        error, accuracy = self.state.missed
+        return f'its error is {error:.2g} m, expected at most the accuracy of {accuracy:.2g} m'
 
     def _cause(self) -> str:
         """Return in words why no equilibrium was found, or '' where that is not known."""

@@ -11,7 +11,7 @@ from references.kirchhoff import true_held_rod, true_rod
 from dlo_planner import Box, Capsule, DirectSimulator, FarEnd, PointLoad, Pose, Rod
 from dlo_planner.direct import accuracy as accuracy_module
 from dlo_planner.direct import equilibrium, statics
-from dlo_planner.direct.accuracy import mode_may_be_missed, surely_within
+from dlo_planner.direct.accuracy import judged, mode_may_be_missed, surely_within
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 
@@ -229,3 +229,12 @@ def test_what_has_yielded_keeps_an_accuracy():
     for shape, fine in zip(shapes, exact, strict=True):
         assert shape.converged and shape.error_estimate <= 3e-5
         assert np.linalg.norm(shape.positions[-1] - fine.positions[-1]) <= 3e-5
+
+
+def test_a_shape_whose_error_exceeds_the_accuracy_says_by_how_much(wire):
+    shape = DirectSimulator(wire, accuracy=1e-4).solve(Pose((0, 0, 1), (0, 0, 0, 1)))
+    less = judged(shape, 0.5 * shape.error_estimate)
+    assert shape.converged and not less.converged
+    assert less.status.endswith(
+        f'its error is {shape.error_estimate:.2g} m, expected at most the accuracy of '
+        f'{0.5 * shape.error_estimate:.2g} m')
