@@ -439,15 +439,7 @@ def test_friction_is_against_the_way_that_surfaces_have_slid(opened):
     seen = 0
     for before, after in zip(opened[1:], opened[2:], strict=False):
         for one in after.self_contacts:
-            away, turns = np.zeros(3), []
-            for s, sign in ((one.s, -1.0), (one.other_s, 1.0)):
-                _, now = surface(after, s, 0.0)
-                _, then = surface(before, s, 0.0)
-                there, _ = surface(before, s, then @ now.T @ (sign * RADIUS * one.normal))
-                away -= sign * there
-                turns.append(now @ then.T)
-            slip = -0.5 * (turns[0] + turns[1]) @ away
-            slip -= one.normal * (one.normal @ slip)
+            slip = slipped(before, after, one)
             limit = 0.999 * FRICTION * one.force
             if np.linalg.norm(slip) > 5e-4 and np.linalg.norm(one.friction) > limit:
                 seen += 1
