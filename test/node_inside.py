@@ -4,7 +4,6 @@
 
 import threading
 from contextlib import contextmanager
-from unittest import mock
 
 import rclpy
 from planner_process import ROOM, WIRE, until
@@ -24,13 +23,11 @@ OVERRIDES = {'rod.diameter': 1.5e-3, 'threading.waypoints': 12, 'diagnostics_per
 
 @contextmanager
 def served_node():
-    """Yield a PlannerNode that is served by a thread; it loads what it needs when it needs it."""
+    """Yield a PlannerNode that is served by a thread."""
     context = rclpy.Context()
     rclpy.init(context=context)
-    with mock.patch.multiple('dlo_planner.ros.node', answers=int, proofs=int, closed_loop=int):
-        planner = PlannerNode(context=context, cli_args=['--ros-args', *WIRE], parameter_overrides=[
-            Parameter('diagnostics_period', value=0.1)])
-        assert until(lambda: all(one.name != 'loading' for one in threading.enumerate()))
+    planner = PlannerNode(context=context, cli_args=['--ros-args', *WIRE], parameter_overrides=[
+        Parameter('diagnostics_period', value=0.1)])
     executor = PatientExecutor(8, context=context)
     executor.add_node(planner)
     ended = threading.Event()

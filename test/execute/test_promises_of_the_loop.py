@@ -583,7 +583,7 @@ def test_with_each_entry_that_is_given_up_the_next_may_miss_half_as_likely(given
     room = replace(task(), given_up=given_up).room
     with pytest.raises(InvalidTask, match='given_up = -1: expected an integer from 0 to 1000'):
         replace(task(), given_up=-1)
-    wanted, radii = 0.05 / 2**given_up, np.abs(norm.ppf(np.linspace(0, 0.5, 8001)[1:]))
+    wanted, radii = 0.05 / 2**given_up, np.abs(norm.ppf(np.linspace(0, 0.5, 20001)[1:]))
     deviation = room / norm.ppf(0.975)  # of a miss along a line that has this 95 % bound
     assert 2 * norm.sf(task().room, scale=deviation) == pytest.approx(wanted)
     for narrow in (0.3, 1.0):  # of a miss in a plane: narrower along the other axis

@@ -107,14 +107,14 @@ def test_passages_through_what_goes_straight_on_are_those_of_one_more_chord(rng)
 
 def test_passages_are_those_of_a_plain_look_at_many_instants(rng):
     found = 0
-    for _ in range(30):
+    for _ in range(50):
         before = np.cumsum(rng.normal(size=(14, 3)), axis=0)
         after = before + rng.normal(size=before.shape) * rng.choice([0.1, 0.3])
         passes = passes_itself(before, after)
         assert passes == meets_by_sampling(before, after)
         assert passes_itself(after, before) == passes
         found += passes
-    assert 3 < found < 27
+    assert 7 < found < 43
 
 
 def test_rounding_in_a_plane_is_no_passage(rng):

@@ -119,7 +119,7 @@ LONG = Rod.circular(2.0, 1.5e-3, 8960.0, 110e9, 0.34)  # it hangs down from any 
 @pytest.fixture(scope='module')
 def tangents():
     """Return heights (257, n) of the tangents of all stable LONGs that hang, by Runge-Kutta."""
-    ends = Rotation.random(700, random_state=np.random.default_rng(1)).as_matrix()
+    ends = Rotation.random(1500, random_state=np.random.default_rng(1)).as_matrix()
     weight = np.array([0, 0, -9.81 * LONG.node_masses(np.array([0.0, 2.0])).sum() / 2.0])
     frames, stable = hanging_and_stable(LONG, weight, ends, steps=256)
     return frames[:, stable][..., 2, 0]

@@ -71,7 +71,7 @@ def test_random_plans_do_not_leap(seed):
 
 def test_pairs_do_not_leap_and_keep_their_directions():
     rng, refused = np.random.default_rng(0), 0
-    for _ in range(5):
+    for _ in range(9):
         rod, first = random_cutout(rng)
         way = first.normal + 0.6 * rng.normal(size=3)
         way /= np.linalg.norm(way)
@@ -89,7 +89,7 @@ def test_pairs_do_not_leap_and_keep_their_directions():
         for shape, passes in zip(plan.shapes, plan.via_points, strict=True):
             for cutout, (_, s, _) in zip((first, second), passes, strict=False):
                 assert shape.frame_at(s)[0][:, 0] @ cutout.normal > 0
-    assert refused < 3
+    assert refused < 6
 
 
 def test_cutouts_are_not_passed_backwards():

@@ -126,7 +126,7 @@ STRINGS = st.sampled_from(ODD_STRINGS) | st.text(
     st.characters(codec='utf-8', exclude_categories=['Cc', 'Cs']))
 
 
-@settings(max_examples=30)
+@settings(max_examples=60)
 @given(st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | STRINGS,
     lambda inner: st.lists(inner) | st.dictionaries(st.text('abc1.e'), inner), max_leaves=8))
